@@ -27,6 +27,13 @@ use super::xml::{self, Language, describe, exactly, of_quaternion, of_rpy};
 
 type Pose = (Matrix3<f64>, Vector3<f64>);
 
+/// Neither turned nor moved.
+const STILL: Pose = (Matrix3::new(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0), Vector3::new(0.0, 0.0, 0.0));
+
+fn inverse(a: &Pose) -> Pose {
+    (a.0.transpose(), -(a.0.transpose() * a.1))
+}
+
 fn then(a: &Pose, b: &Pose) -> Pose {
     (a.0 * b.0, a.1 + a.0 * b.1)
 }
@@ -129,11 +136,11 @@ fn required<'a>(node: &Node<'a, '_>, name: &str) -> Result<&'a str, String> {
 
 /// Returns a pose element's own numbers.
 fn pose(node: &Node) -> Result<Pose, String> {
-    let Some(element) = xml::child(node, "pose") else { return Ok((Matrix3::identity(), Vector3::zeros())) };
+    let Some(element) = xml::child(node, "pose") else { return Ok(STILL) };
     let what = format!("<pose> of {}", describe(node));
     let values = xml::parse(element.text().unwrap_or_default(), &what)?;
     if values.is_empty() {
-        return Ok((Matrix3::identity(), Vector3::zeros()));
+        return Ok(STILL);
     }
     if element.attribute("rotation_format") == Some("quat_xyzw") {
         let [px, py, pz, x, y, z, w] = exactly::<7>(values, &what)?;
@@ -147,6 +154,8 @@ fn pose(node: &Node) -> Result<Pose, String> {
 /// Poses of all named things in the model's frame.
 struct Frames<'a, 'i> {
     nodes: BTreeMap<&'a str, Node<'a, 'i>>,
+    /// The model's own in the world.
+    placed: Pose,
 }
 
 impl<'a, 'i> Frames<'a, 'i> {
@@ -170,12 +179,32 @@ impl<'a, 'i> Frames<'a, 'i> {
                 ));
             }
         }
-        Ok(Self { nodes })
+        let mut frames = Self { nodes, placed: STILL };
+        frames.placed = frames.of_model(model)?;
+        Ok(frames)
+    }
+
+    /// Returns the pose of the model in the world.
+    fn of_model(&self, model: &Node) -> Result<Pose, String> {
+        let stated = pose(model)?;
+        let relative = xml::child(model, "pose").and_then(|p| p.attribute("relative_to")).unwrap_or_default();
+        if !["", WORLD, "__model__"].contains(&relative) {
+            return Err(format!(
+                "the pose of {} is relative to {relative}, a frame of the world, which is not followed here: \
+                 state it in the world",
+                describe(model)
+            ));
+        }
+        let frame = model.attribute("placement_frame").unwrap_or_default();
+        Ok(then(&stated, &inverse(&self.pose(frame, 0)?)))
     }
 
     fn pose(&self, name: &str, depth: usize) -> Result<Pose, String> {
-        if name == "__model__" || name == WORLD || name.is_empty() {
-            return Ok((Matrix3::identity(), Vector3::zeros()));
+        if name == "__model__" || name.is_empty() {
+            return Ok(STILL);
+        }
+        if name == WORLD {
+            return Ok(inverse(&self.placed));
         }
         if depth > self.nodes.len() {
             return Err(format!("the pose of {name} is relative to itself in the end"));
@@ -272,11 +301,10 @@ fn read(model: &Node, root: &Node, what: &str) -> Result<Parsed, Problem> {
     };
     let mut anchors = BTreeMap::new();
     let mut raw = Vec::new();
-    let still = (Matrix3::identity(), Vector3::zeros());
     // Before version 1.8 a link may be named so: it is the one that joints hold on to.
     let is_world = |link: &Node| link.attribute("name") == Some(WORLD) && xml::child(link, "pose").is_none();
     if on_world && !links.iter().any(is_world) {
-        raw.push(RawLink { link: bare(WORLD, "", Joint::Free, still), parent: None });
+        raw.push(RawLink { link: bare(WORLD, "", Joint::Free, STILL), parent: None });
     }
     for link in &links {
         let name = link.attribute("name").unwrap_or_default();
@@ -284,11 +312,12 @@ fn read(model: &Node, root: &Node, what: &str) -> Result<Parsed, Problem> {
         let at = joint_pose(name)?;
         let anchor = own.0.transpose() * (at.1 - own.1);
         let (parent, kind, joint_name, place) = match held.get(name) {
-            None => (None, Joint::Free, "", still),
+            None => (None, Joint::Free, "", STILL),
             Some(joint) => {
                 let parent = parent_of(joint, &frames, canonical)?;
+                let world = frames.pose(WORLD, 0)?;
                 let (turned, origin) =
-                    if parent == WORLD { still } else { (frames.pose(parent, 0)?.0, joint_pose(parent)?.1) };
+                    if parent == WORLD { world } else { (frames.pose(parent, 0)?.0, joint_pose(parent)?.1) };
                 let place = (turned.transpose() * own.0, turned.transpose() * (at.1 - origin));
                 let kind = kind(joint, &frames, &at, &own, model_axes)?;
                 (Some(parent), kind, joint.attribute("name").unwrap_or_default(), place)
@@ -307,12 +336,29 @@ fn read(model: &Node, root: &Node, what: &str) -> Result<Parsed, Problem> {
             .map(|phi| in_parent(&phi, &Matrix3::identity(), &-anchor));
         raw.push(RawLink { link: new, parent: parent.map(str::to_owned) });
     }
+    findings.extend(tilted_base(&raw, &frames)?);
     let mut out = Model::assemble(what, raw, findings).map_err(Problem::Model)?;
     out.gravity_mps2 = gravity(root)?;
     if let Some(name) = model.attribute("name") {
         name.clone_into(&mut out.name);
     }
     Ok(Parsed { model: out, anchors })
+}
+
+/// Names a base that stands tilted in the world and that nothing holds there: its axes need not stay so.
+fn tilted_base(raw: &[RawLink], frames: &Frames) -> Result<Option<Finding>, String> {
+    let Some(base) = raw.iter().find(|link| link.parent.is_none()) else { return Ok(None) };
+    let name = &base.link.name;
+    let up = (frames.placed.0 * frames.pose(name, 0)?.0).transpose() * Vector3::z();
+    let angle = (up - Vector3::z()).norm();
+    Ok((name != WORLD && angle > 1e-6).then(|| Finding {
+        place: format!("link {name}"),
+        text:
+            "it is the base, it stands tilted in the world, and no joint holds it there: without an IMU on \
+               it gravity is taken along its own z axis, not the world's; if it is mounted so, state a fixed \
+               joint to the world"
+                .to_owned(),
+    }))
 }
 
 fn bare(name: &str, joint_name: &str, joint: Joint<f64>, (rotation, position): Pose) -> ModelLink {

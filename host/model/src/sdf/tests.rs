@@ -92,6 +92,35 @@ fn joints_on_frames_and_prefixes_that_nobody_declares_are_read() {
     assert!(said.contains("K is not there"), "{said}");
 }
 
+/// Efforts are those of Pinocchio 3 with the base placed so in the world (rpy 0.5, −0.3, 0.2).
+#[test]
+fn the_pose_of_a_model_that_the_world_holds_is_applied() {
+    let wanted = [-2.862_534_403_111_984_4, 0.516_180_504_403_275_7];
+    let fixed = "<joint name=\"fix\" type=\"fixed\"><parent>world</parent><child>base</child></joint>";
+    let own = "<xyz>0 0.6 0.8</xyz>";
+    let pose = "<pose>1 2 3 0.5 -0.3 0.2</pose>";
+    let whole = arm("1.9", own, "l2", &format!("{pose}{fixed}"));
+    same(&sdf::parse(&whole, "s").unwrap().model, &wanted, "pose of the model");
+    let frame = "<frame name=\"F\"><pose>1 2 3 0.5 -0.3 0.2</pose></frame>";
+    let by_frame = arm("1.9", own, "l2", &format!("{frame}<pose>1 2 3 0.5 -0.3 0.2</pose>{fixed}"))
+        .replace("name=\"r\"", "name=\"r\" placement_frame=\"F\"");
+    same(&sdf::parse(&by_frame, "s").unwrap().model, &self::wanted(), "placement_frame");
+    // What includes it places it.
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    std::fs::write(path("r.sdf"), arm("1.9", own, "l2", fixed)).unwrap();
+    let include = format!("<include><uri>r.sdf</uri>{pose}</include>");
+    std::fs::write(path("w.sdf"), format!("<sdf version=\"1.9\"><world name=\"w\">{include}</world></sdf>"))
+        .unwrap();
+    same(&read_file(&path("w.sdf")).unwrap().0, &wanted, "include");
+    // A frame of the world is not followed, and a base that floats keeps its axes, with a word.
+    let said = sdf::parse(&whole.replace("<pose>1 2", "<pose relative_to=\"table\">1 2"), "s").unwrap_err();
+    assert!(said.to_string().contains("relative to table"), "{said}");
+    let free = sdf::parse(&arm("1.9", own, "l2", pose), "s").unwrap().model;
+    same(&free, &self::wanted(), "free");
+    assert!(free.findings.iter().any(|f| f.text.contains("stands tilted")), "{:?}", free.findings);
+}
+
 #[test]
 fn inertias_of_collisions_are_named_and_unknown() {
     let text =
