@@ -6,6 +6,7 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 
 use super::StreamError;
 use super::kernel::LEAST_SAMPLES;
+use super::stamped::Stamped;
 use rigident_files::MOST_OF_RECORDING;
 use rigident_io::recording::columns::{Group, Known};
 use rigident_io::recording::mcap::read::topic_columns;
@@ -37,6 +38,8 @@ pub struct Stream {
     pub rate_hz: f64,
     /// Rows that are not used.
     pub discarded: usize,
+    /// How its times were made of its stamps.
+    pub stamped: Stamped,
 }
 
 impl Stream {
@@ -169,6 +172,7 @@ impl StreamSet {
                 .iter()
                 .map(|t| i64::try_from(t - origin - delay_ns).unwrap_or(i64::MAX))
                 .collect();
+            raw.stream.stamped.begin_s = 1e-9 * (origin + delay_ns) as f64;
             if raw.calibration.is_some() {
                 set.rig.load_cell.calibration = raw.calibration;
             }
@@ -276,6 +280,11 @@ impl Raw {
                 joints: joints(&recording, rig),
                 rate_hz: measured_rate(&recording.time_ns).unwrap_or(0.0) / table.clock_rate,
                 discarded: 0,
+                stamped: Stamped {
+                    offset_s: table.clock_offset_s,
+                    rate: table.clock_rate,
+                    ..Stamped::default()
+                },
             },
             time_ns,
         })

@@ -10,7 +10,7 @@ use rigident_shared::spatial::{AngularRate, SpecificForce, Wrench};
 
 use super::files::{attitude, delay_s, on_grid, on_plate};
 use super::kernel::Weights;
-use super::{Grid, Stream, StreamError, StreamSet};
+use super::{Grid, Stamped, Stream, StreamError, StreamSet};
 use rigident_io::recording::Recording;
 use rigident_io::recording::columns::Group;
 use rigident_io::rig::{RigFile, WrenchSign};
@@ -194,6 +194,7 @@ impl Growing {
                 joints: Vec::new(),
                 rate_hz: self.rates_hz.get(k).copied().unwrap_or(0.0),
                 discarded: 0,
+                stamped: Stamped::default(),
             });
         }
         let has = |wanted| streams.iter().position(|s: &Stream| s.groups.iter().any(|(g, _)| *g == wanted));

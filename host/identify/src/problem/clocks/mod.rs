@@ -21,6 +21,7 @@ mod origin;
 pub mod shifts;
 pub mod skew;
 mod source_skew;
+mod stamped;
 
 use crate::answer::result::{ParameterState, StreamResult, TimeBase};
 use rigident_fit::RowSource;
@@ -33,6 +34,7 @@ use rigident_rows::tree::TreePrepareError;
 pub use files::{Stream, StreamSet};
 pub use grid::Grid;
 pub use growing::Growing;
+pub use stamped::Stamped;
 
 /// Why several files are no recording.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

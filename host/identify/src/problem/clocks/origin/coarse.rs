@@ -18,10 +18,12 @@ const MOST_RATE: f64 = 0.0125;
 const DRIFT_S: f64 = 0.08;
 /// The longest part of the stream that is compared, s; the liveliest is.
 const LONGEST_S: f64 = 240.0;
-/// They have at least this share of the shorter one in common, and this long.
+/// They have at least this long in common, s.
+pub(super) const SHORTEST_S: f64 = 8.0;
+/// Those that have this share of the shorter one in common are compared by how well they agree; of all, how
+/// unlikely that is by chance counts.
 const SHARE: f64 = 0.5;
-const SHORTEST_S: f64 = 8.0;
-/// Candidates that are refined, and how far they are from each other at least, s.
+/// Candidates that are refined by either, and how far they are from each other at least, s.
 const CANDIDATES: usize = 6;
 const APART_S: f64 = 0.25;
 /// Directions with less than this share of the mean variance are noise.
@@ -54,10 +56,10 @@ impl<'a> Search<'a> {
     pub(super) fn at_rate(&self, near_s: f64) -> (f64, f64) {
         let curve = self.curve(1.0);
         let mut found = (0.0_f64, 0.0_f64);
-        for (offset, score) in curve {
-            found.1 = found.1.max(score);
-            if offset.abs() <= near_s {
-                found.0 = found.0.max(score);
+        for at in curve.iter().filter(|at| at.is_long) {
+            found.1 = found.1.max(at.score);
+            if at.offset_s.abs() <= near_s {
+                found.0 = found.0.max(at.score);
             }
         }
         found
@@ -68,34 +70,29 @@ impl<'a> Search<'a> {
         let length = self.part_s.1 - self.part_s.0;
         let steps = (MOST_RATE * 0.5 * length / DRIFT_S).ceil().max(1.0) as i64;
         let middle = 0.5 * (self.part_s.0 + self.part_s.1);
-        let mut all: Vec<(f64, f64, Clock)> = Vec::new();
+        let mut all: Vec<(Agreement, f64, Clock)> = Vec::new();
         for step in -steps..=steps {
             let rate = 1.0 + MOST_RATE * step as f64 / steps as f64;
             let curve = self.curve(rate);
-            let scores: Vec<f64> = curve.iter().map(|(_, score)| *score).collect();
-            for (k, (offset_s, score)) in curve.iter().enumerate() {
-                let is_peak =
-                    (k == 0 || scores[k - 1] <= *score) && scores.get(k + 1).is_none_or(|n| n < score);
-                if is_peak && *score > 0.0 {
-                    all.push((*score, offset_s + rate * middle, Clock { offset_s: *offset_s, rate }));
+            for (k, at) in curve.iter().enumerate() {
+                let before = k.checked_sub(1).and_then(|k| curve.get(k));
+                let is_peak = before.is_none_or(|b| b.score <= at.score)
+                    && curve.get(k + 1).is_none_or(|n| n.score < at.score);
+                if is_peak && at.score > 0.0 {
+                    all.push((*at, at.offset_s + rate * middle, Clock { offset_s: at.offset_s, rate }));
                 }
             }
         }
-        all.sort_by(|a, b| b.0.total_cmp(&a.0));
         let mut kept: Vec<(f64, Clock)> = Vec::new();
-        for (_, at, clock) in all {
-            if kept.iter().all(|(other, _)| (other - at).abs() > APART_S) {
-                kept.push((at, clock));
-            }
-            if kept.len() == CANDIDATES {
-                break;
-            }
-        }
+        all.sort_by(|a, b| b.0.score.total_cmp(&a.0.score));
+        apart(all.iter().filter(|(at, ..)| at.is_long), &mut kept);
+        all.sort_by(|a, b| b.0.evidence.total_cmp(&a.0.evidence));
+        apart(all.iter(), &mut kept);
         kept.into_iter().map(|(_, clock)| clock).collect()
     }
 
     /// Returns the correlation at each offset, s, for a rate of the stream's clock.
-    fn curve(&self, rate: f64) -> Vec<(f64, f64)> {
+    fn curve(&self, rate: f64) -> Vec<Agreement> {
         let (from, to) = (rate * self.part_s.0, rate * self.part_s.1);
         let own =
             white(from, to, |at| self.signals.motion(at / rate).map(|[a, w, _]| [a, w].concat()), CHANNELS);
@@ -116,14 +113,45 @@ impl<'a> Search<'a> {
             }
         }
         let (n, m) = (self.wrench.len as i64, own.len as i64);
-        let least = ((SHARE * n.min(m) as f64) as i64).max((SHORTEST_S * RATE_HZ) as i64);
-        let score = |lag: i64| {
+        let (long, least) = ((SHARE * n.min(m) as f64) as i64, (SHORTEST_S * RATE_HZ) as i64);
+        let channels = self.wrench.channels.len() as f64;
+        let agreement = |lag: i64| {
             let common = n.min(m + lag) - lag.max(0);
-            let sum = sums[lag.rem_euclid(size as i64) as usize];
-            (common >= least).then(|| sum / (common as f64).powi(2) / self.wrench.channels.len() as f64)
+            let sum = sums[lag.rem_euclid(size as i64) as usize] / channels;
+            (common >= least).then(|| Agreement {
+                offset_s: self.wrench.from_s + lag as f64 / RATE_HZ - own.from_s,
+                score: sum / (common as f64).powi(2),
+                // By chance the sum grows as what they have in common.
+                evidence: sum / common as f64,
+                is_long: common >= long,
+            })
         };
-        let offset = |lag: i64| self.wrench.from_s + lag as f64 / RATE_HZ - own.from_s;
-        (-m + 1..n).filter_map(|lag| Some((offset(lag), score(lag)?))).collect()
+        (-m + 1..n).filter_map(agreement).collect()
+    }
+}
+
+/// How well a stream agrees with the wrench at an offset.
+#[derive(Clone, Copy, Debug)]
+struct Agreement {
+    offset_s: f64,
+    /// Mean square of the correlations.
+    score: f64,
+    /// The same, times the readings that they have in common.
+    evidence: f64,
+    /// They have much of the shorter one in common.
+    is_long: bool,
+}
+
+/// Appends the first few clocks that are apart from each other and from those there are.
+fn apart<'a>(all: impl Iterator<Item = &'a (Agreement, f64, Clock)>, kept: &mut Vec<(f64, Clock)>) {
+    let most = kept.len() + CANDIDATES;
+    for (_, at, clock) in all {
+        if kept.len() == most {
+            break;
+        }
+        if kept.iter().all(|(other, _)| (other - at).abs() > APART_S) {
+            kept.push((*at, *clock));
+        }
     }
 }
 

@@ -15,7 +15,7 @@ mod signals;
 
 use self::refine::Refined;
 use self::signals::Signals;
-use super::{StreamError, StreamSet};
+use super::{Stream, StreamError, StreamSet};
 use rigident_fit::figures::significant;
 
 /// A stream whose wrench is explained by as much of the best of all offsets is left as it is stamped.
@@ -26,8 +26,11 @@ const AS_STAMPED_LEAST: f64 = 0.3;
 const ENDS_S: f64 = 2e-3;
 /// Delays up to this are found as skews, s.
 const NEAR_S: f64 = 0.4;
-/// The share of the wrench's variance that the right clock explains at least.
-const EXPLAINED: f64 = 0.5;
+/// The right clock leaves at most this share of the wrench's variance, however much of it is noise.
+const MOST_LEFT: f64 = 0.5;
+/// It leaves at most this share, corrected for the number of unknowns, or this many times the noise.
+const LEFT: f64 = 0.1;
+const OVER_NOISE: f64 = 4.0;
 /// The residuals by the right clock are less than this share of those by any other.
 const CLEARLY_LESS: f64 = 0.9;
 /// Motion is this many times larger than noise.
@@ -79,7 +82,7 @@ pub(super) fn settle(set: &mut StreamSet, is_body: bool) -> Result<Vec<String>, 
                     |ns: &i64| (1e9 * (found.offset_s + found.rate * (*ns as f64 * 1e-9))).round() as i64;
                 stream.time_ns = stream.time_ns.iter().map(own).collect();
                 stream.rate_hz /= found.rate;
-                said.push(found.words(&file));
+                said.push(found.words(stream));
             }
             Verdict::None(why) if overlap_s <= 0.0 => {
                 let reference = set.streams[set.reference].file.clone();
@@ -117,30 +120,41 @@ pub(super) fn found(signals: &Signals) -> Verdict {
             Verdict::None("there is too little motion to align them by".to_owned())
         };
     }
+    let noise = signals.noise();
+    // What they have in common as they are stamped comes first.
+    let stamped = refine::refine(signals, &noise, Clock { offset_s: 0.0, rate: 1.0 });
+    if stamped.is_some_and(|stamped| stamped.is_explained() && stamped.found.is_as_stamped(signals)) {
+        return Verdict::Fits;
+    }
     let search = coarse::Search::new(signals);
     let (near, best) = search.at_rate(NEAR_S);
     if near >= AS_STAMPED * best && near > AS_STAMPED_LEAST {
         return Verdict::Fits;
     }
     // As stamped a skew may still be found, and the motion may be one that tells little.
-    let may_be_stamped = near > 0.5 * best && signals.overlap_s() > 0.0;
+    let overlap_s = signals.overlap_s();
+    let may_be_stamped =
+        overlap_s > 0.0 && (near > 0.5 * best || (near == 0.0 && overlap_s < coarse::SHORTEST_S));
     let nothing = |why: String| if may_be_stamped { Verdict::Unclear } else { Verdict::None(why) };
     let candidates = search.candidates();
-    let mut refined: Vec<Refined> =
-        candidates.iter().filter_map(|clock| refine::refine(signals, *clock)).collect();
+    let mut refined: Vec<Refined> = candidates
+        .iter()
+        .filter_map(|clock| refine::refine(signals, &noise, *clock))
+        .chain(stamped)
+        .collect();
     refined.sort_by(|a, b| a.left.total_cmp(&b.left));
-    let Some(first) = refined.first() else {
-        return nothing("they have too little in common at any offset".to_owned());
+    let right: Vec<&Refined> = refined.iter().filter(|refined| refined.is_explained()).collect();
+    let Some(first) = right.first() else {
+        let least = refined.first().map_or(1.0, |first| first.left.min(1.0));
+        return nothing(format!(
+            "no common motion is found at any offset: at best {:.0} % of the wrench's variance is left, more \
+             than noise makes; is it of another body, or another run, or shorter than {} s in common?",
+            100.0 * least,
+            coarse::SHORTEST_S
+        ));
     };
     let middle = |refined: &Refined| refined.found.offset_s + refined.found.rate * signals.middle_s();
-    let second = refined.iter().skip(1).find(|other| (middle(other) - middle(first)).abs() > 0.02);
-    if 1.0 - first.left < EXPLAINED {
-        return nothing(format!(
-            "what it sees explains {:.0} % of the wrench's variance at best: is it of another body, or \
-             another run?",
-            100.0 * (1.0 - first.left)
-        ));
-    }
+    let second = right.iter().skip(1).find(|other| (middle(other) - middle(first)).abs() > 0.02);
     if let Some(second) = second.filter(|second| first.left > CLEARLY_LESS * second.left) {
         return nothing(format!(
             "offsets of {} s and {} s fit alike: a motion that repeats itself does not show them; move \
@@ -150,6 +164,13 @@ pub(super) fn found(signals: &Signals) -> Verdict {
         ));
     }
     if first.found.is_as_stamped(signals) { Verdict::Fits } else { Verdict::Clock(first.found) }
+}
+
+impl Refined {
+    /// Returns true where noise or little else is left.
+    fn is_explained(&self) -> bool {
+        self.left <= MOST_LEFT && (self.corrected <= LEFT || self.over_noise <= OVER_NOISE)
+    }
 }
 
 impl Found {
@@ -163,17 +184,20 @@ impl Found {
     }
 
     /// Says what was found, and how to write it down.
-    fn words(&self, file: &str) -> String {
+    fn words(&self, stream: &Stream) -> String {
+        let stamped = &stream.stamped;
+        let zero_s = stamped.begin_s + self.offset_s + self.rate * (stamped.offset_s - stamped.begin_s);
         format!(
-            "the clock of {file} is not that of the wrench; by the motion that both saw its t_s = 0 is at \
-             {:.4} s from the first wrench and a second of it lasts {:.7} ± {} s, so that times in the \
-             middle of the recording are known to ± {} ms (95 %); it explains {:.0} % of the wrench's \
-             variance",
-            self.offset_s,
-            self.rate,
-            significant(self.rate_u95, 2),
+            "the clock of {} is not that of the wrench; by the motion that both saw, its t_s = 0 is at \
+             {zero_s:.4} s of the wrench's clock and a second of it lasts {:.7} ± {} s, so that times in \
+             the middle of the recording are known to ± {} ms (95 %); it explains {:.0} % of the wrench's \
+             variance; clock_offset_s = {zero_s:.4} and clock_rate = {} in its [[stream]] say the same",
+            stream.file,
+            self.rate * stamped.rate,
+            significant(self.rate_u95 * stamped.rate, 2),
             significant(1e3 * self.time_u95_s, 2),
-            100.0 * self.explained
+            100.0 * self.explained,
+            self.rate * stamped.rate
         )
     }
 }

@@ -14,6 +14,16 @@ pub(super) const CHANNELS: usize = 6;
 /// The terms that the wrench is linear in: specific force, angular acceleration, products of rates, one.
 pub(super) const COLUMNS: usize = 13;
 
+/// Instants at which a stream's kernel is sought.
+const INSTANTS: usize = 16;
+
+/// Variances of noise after the kernel.
+#[derive(Clone, Debug)]
+pub(super) struct Noise {
+    pub(super) wrench: [f64; CHANNELS],
+    pub(super) columns: [f64; COLUMNS],
+}
+
 /// A stream beside the wrench.
 pub(crate) struct Signals {
     wrench: Vec<Vec<f64>>,
@@ -122,6 +132,46 @@ impl Signals {
         ])
     }
 
+    /// Returns the variances of noise that smoothed wrenches and columns have.
+    pub(super) fn noise(&self) -> Noise {
+        let gains = |times: &[i64]| {
+            let at = |k: usize| {
+                let time = times.get(k * times.len() / INSTANTS)?;
+                let weights = Weights::at(times, *time, self.half_ns)?;
+                let squares = |weights: &[f64]| weights.iter().map(|w| w * w).sum::<f64>();
+                Some((squares(&weights.value), squares(&weights.slope)))
+            };
+            (1..INSTANTS).find_map(at).unwrap_or((0.0, 0.0))
+        };
+        let (of_wrench, _) = gains(&self.wrench_ns);
+        let (value, slope) = gains(&self.own_ns);
+        let wrench = std::array::from_fn(|c| of_wrench * self.wrench.get(c).map_or(0.0, |y| white_noise(y)));
+        let three = |columns: &Option<Vec<Vec<f64>>>, of: &dyn Fn(&[f64]) -> f64| -> [f64; 3] {
+            std::array::from_fn(|c| columns.as_ref().and_then(|all| all.get(c)).map_or(0.0, |y| of(y)))
+        };
+        let (a, w) = (three(&self.accel, &white_noise), three(&self.gyro, &white_noise));
+        let square = |y: &[f64]| y.iter().map(|v| v * v).sum::<f64>() / y.len().max(1) as f64;
+        let size = three(&self.gyro, &square);
+        let product = |i: usize, j: usize| value * (size[i] * w[j] + size[j] * w[i]);
+        let twice = |i: usize| 4.0 * value * size[i] * w[i];
+        let columns = [
+            value * a[0],
+            value * a[1],
+            value * a[2],
+            slope * w[0],
+            slope * w[1],
+            slope * w[2],
+            twice(0),
+            twice(1),
+            twice(2),
+            product(0, 1),
+            product(1, 2),
+            product(2, 0),
+            0.0,
+        ];
+        Noise { wrench, columns }
+    }
+
     /// Returns how many times the wrench's variance is larger than that of its noise, by the liveliest
     /// channel.
     pub(super) fn liveliness(&self) -> f64 {
@@ -129,14 +179,17 @@ impl Signals {
             let count = column.len().max(4) as f64;
             let mean = column.iter().sum::<f64>() / count;
             let variance = column.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / count;
-            // Third differences of what is smooth are small; of white noise their variance is 20 times its
-            // own.
-            let noise =
-                column.windows(4).map(|v| (v[3] - 3.0 * v[2] + 3.0 * v[1] - v[0]).powi(2)).sum::<f64>();
-            variance / (noise / 20.0 / count).max(1e-12 * variance.max(f64::MIN_POSITIVE))
+            variance / white_noise(column).max(1e-12 * variance.max(f64::MIN_POSITIVE))
         };
         self.wrench.iter().map(ratio).fold(0.0, f64::max)
     }
+}
+
+/// Returns the variance of white noise in a smooth signal: third differences of what is smooth are small, and
+/// of white noise their variance is 20 times its own.
+fn white_noise(signal: &[f64]) -> f64 {
+    let squares = signal.windows(4).map(|v| (v[3] - 3.0 * v[2] + 3.0 * v[1] - v[0]).powi(2)).sum::<f64>();
+    squares / 20.0 / signal.len().max(4) as f64
 }
 
 fn ends_s(times: &[i64]) -> (f64, f64) {

@@ -3,7 +3,7 @@ use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal, Uniform};
 
 use super::*;
-use crate::problem::clocks::Stream;
+use crate::problem::clocks::{Stamped, Stream};
 use crate::study_length::runs;
 use rigident_io::recording::columns::Group;
 use rigident_io::rig::RigFile;
@@ -161,6 +161,7 @@ fn run(seed: u64, clock: Clock, repeats: bool, same_body: bool) -> Run {
         joints: Vec::new(),
         rate_hz,
         discarded: 0,
+        stamped: Stamped::default(),
     };
     let imu = vec![(Group::Accel(0), accel), (Group::Gyro(0), gyro)];
     let streams = vec![
@@ -179,6 +180,23 @@ fn run(seed: u64, clock: Clock, repeats: bool, same_body: bool) -> Run {
 }
 
 impl Run {
+    /// Leaves so many seconds in which both run, at 30 s of the wrench's clock.
+    fn cut(&mut self, common_s: f64) {
+        let seconds = |ns: &i64| *ns as f64 * 1e-9;
+        let clock = self.clock;
+        let end = |ns: &i64| seconds(ns) < 30.0 + 0.5 * common_s;
+        let begin = |ns: &i64| clock.offset_s + clock.rate * seconds(ns) >= 30.0 - 0.5 * common_s;
+        let [imu, wrench] = self.set.streams.as_mut_slice() else { panic!() };
+        for (stream, keep) in [(imu, &begin as &dyn Fn(&i64) -> bool), (wrench, &end)] {
+            let kept: Vec<bool> = stream.time_ns.iter().map(keep).collect();
+            for column in stream.groups.iter_mut().flat_map(|(_, columns)| columns) {
+                let mut kept = kept.iter();
+                column.retain(|_| *kept.next().unwrap());
+            }
+            stream.time_ns.retain(keep);
+        }
+    }
+
     fn verdict(&self) -> Verdict {
         found(&Signals::of(&self.set, 0).unwrap())
     }
@@ -225,6 +243,39 @@ fn clocks_without_a_common_origin_are_found_within_two_milliseconds() {
     assert!(10 * covered >= 9 * count, "{covered} of {count}");
 }
 
+/// Loggers that ran together for a part of the time: a clock that is found is right, none is made up, and one
+/// that is right already stays.
+#[test]
+fn clocks_of_loggers_that_overlap_in_part_are_right_or_not_found() {
+    let (mut found, mut silent) = (0, 0);
+    for seed in 0..runs(40, 6) {
+        for common_s in [10.0, 18.0] {
+            let mut rng = ChaCha8Rng::seed_from_u64(2000 + seed);
+            let offset_s = Uniform::new(-300.0, 300.0).unwrap().sample(&mut rng);
+            let rate = 1.0 + [0.0, 1e-4, -1e-4, 1e-2, -1e-2][(seed % 5) as usize];
+            let mut apart = run(seed, Clock { offset_s, rate }, false, true);
+            apart.cut(common_s);
+            match apart.verdict() {
+                Verdict::Clock(clock) => {
+                    let error_s = apart.error_s(clock.offset_s, clock.rate);
+                    assert!(error_s < 2e-3, "seed {seed}, {common_s} s: {error_s} {clock:?}");
+                    found += 1;
+                }
+                Verdict::None(why) => {
+                    assert!(why.contains("no common motion"), "{why}");
+                    silent += 1;
+                }
+                other => panic!("seed {seed}, {common_s} s: {other:?}"),
+            }
+            let mut right = run(seed, Clock { offset_s: 0.0, rate: 1.0 }, false, true);
+            right.cut(common_s);
+            assert_eq!(right.verdict(), Verdict::Fits, "seed {seed}, {common_s} s");
+        }
+    }
+    println!("{found} found, {silent} not found and said");
+    assert!(found > 3 * silent, "{found} {silent}");
+}
+
 #[test]
 fn clocks_that_agree_are_left_alone_and_a_misfit_is_reported() {
     let same = Clock { offset_s: 0.0, rate: 1.0 };
@@ -268,6 +319,15 @@ fn a_clock_that_is_found_is_set_and_said_first() {
     let late =
         after.time_ns.iter().enumerate().map(|(k, ns)| (*ns as f64 * 1e-9 - at(k)).abs()).fold(0.0, f64::max);
     assert!(late < 3e-3, "{late}");
+    // The zero of its stamps is told by the wrench's clock, which begins at 1000 s.
+    let mut late = self::run(3, clock, false, true);
+    late.set.streams[0].stamped.begin_s = 1000.0;
+    late.set.settle(true).unwrap();
+    let zero_s = 1000.0 - 123.456 - 1010.0;
+    let said = &late.set.warnings[0];
+    let told = said.split("its t_s = 0 is at ").nth(1).and_then(|rest| rest.split(' ').next());
+    assert!((told.unwrap().parse::<f64>().unwrap() - zero_s).abs() < 0.05, "{said}");
+    assert!(said.contains("s of the wrench's clock") && said.contains("clock_offset_s = "), "{said}");
     // Done once.
     run.set.settle(true).unwrap();
     assert_eq!(run.set.warnings.len(), 2);
