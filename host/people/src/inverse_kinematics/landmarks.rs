@@ -72,11 +72,13 @@ const fn mark(names: &'static [&'static str], on: On, from: From, at: [f64; 3], 
 const SIDED: &[Landmark] = &[
     mark(&["ASI", "ASIS", "IAS"], On::Pelvis, From::MidHip, [0.048, 0.125, 0.086], 0.012),
     mark(&["PSI", "PSIS", "IPS"], On::Pelvis, From::MidHip, [-0.108, 0.045, 0.086], 0.012),
-    mark(&["ILIACCREST", "ICR", "ILC"], On::Pelvis, From::MidHip, [0.0, 0.14, 0.15], ANYWHERE),
-    mark(&["BAK"], On::Trunk, From::Neck, [-0.1, 0.08, -0.12], ANYWHERE),
+    mark(&["WAISTFRONT"], On::Pelvis, From::MidHip, [0.048, 0.125, 0.086], 0.02),
+    mark(&["WAISTBACK"], On::Pelvis, From::MidHip, [-0.108, 0.045, 0.086], 0.02),
+    mark(&["ILIACCREST", "ICR", "ILC", "WAIST"], On::Pelvis, From::MidHip, [0.0, 0.14, 0.15], ANYWHERE),
+    mark(&["BAK", "BACK"], On::Trunk, From::Neck, [-0.1, 0.08, -0.12], ANYWHERE),
     mark(&["CLAVICLE"], On::Trunk, From::Neck, [0.04, 0.06, -0.05], 0.04),
     mark(
-        &["SHO", "ACROMIUM", "ACROMION", "SHOULDER", "ACR", "SAJ"],
+        &["SHO", "ACROMIUM", "ACROMION", "SHOULDER", "SHOULDERTOP", "ACR", "SAJ"],
         On::Girdle,
         From::Shoulder,
         [0.0, 0.0, 0.045],
@@ -84,16 +86,28 @@ const SIDED: &[Landmark] = &[
     ),
     mark(&["FHD"], On::Head, From::Neck, [0.085, 0.07, 0.17], 0.03),
     mark(&["BHD"], On::Head, From::Neck, [-0.085, 0.07, 0.17], 0.03),
-    mark(&["TEMPLE"], On::Head, From::Neck, [0.04, 0.075, 0.15], 0.03),
+    mark(&["TEMPLE", "HEAD"], On::Head, From::Neck, [0.04, 0.075, 0.15], 0.03),
     mark(
-        &["UPA", "BICEP", "BICEPS", "UPPERARM", "UA1", "UA2", "UA3"],
+        &["UPA", "BICEP", "BICEPS", "UPPERARM", "ARM", "UA1", "UA2", "UA3"],
         On::UpperArm,
         From::Elbow,
         [0.0, 0.05, 0.12],
         ANYWHERE,
     ),
-    mark(&["ELB", "ELBOW", "ELBOWLAT", "LEL", "LELBOW"], On::UpperArm, From::Elbow, [0.0, 0.043, 0.0], 0.015),
-    mark(&["ELBOWMED", "ELBIN", "MEL", "MELBOW"], On::UpperArm, From::Elbow, [0.0, -0.04, 0.0], 0.015),
+    mark(
+        &["ELB", "ELBOW", "ELBOWLAT", "ELBOWOUT", "LEL", "LELBOW"],
+        On::UpperArm,
+        From::Elbow,
+        [0.0, 0.043, 0.0],
+        0.015,
+    ),
+    mark(
+        &["ELBOWMED", "ELBOWIN", "ELBIN", "MEL", "MELBOW"],
+        On::UpperArm,
+        From::Elbow,
+        [0.0, -0.04, 0.0],
+        0.015,
+    ),
     mark(
         &["FRA", "FOREARM", "FRM", "FA1", "FA2", "FA3", "FASUPERIOR"],
         On::Forearm,
@@ -104,8 +118,9 @@ const SIDED: &[Landmark] = &[
     mark(&["WRA", "WRISTLAT", "RSP", "FARADIUS", "LWRIST"], On::Wrist, From::Wrist, [0.033, 0.0, 0.0], 0.015),
     mark(&["WRB", "WRISTMED", "USP", "FAULNA", "MWRIST"], On::Wrist, From::Wrist, [-0.033, 0.0, 0.0], 0.015),
     mark(&["WRIST"], On::Wrist, From::Wrist, [0.0, 0.025, 0.0], 0.025),
-    mark(&["FIN", "HAND", "HM2"], On::Hand, From::Wrist, [0.0, 0.02, -0.08], 0.02),
-    mark(&["TROC", "GTR", "TROCHANTER"], On::Thigh, From::Hip, [0.0, 0.08, -0.01], 0.04),
+    mark(&["WRISTOUT", "WRISTIN"], On::Wrist, From::Wrist, [0.0; 3], 0.04),
+    mark(&["FIN", "HAND", "HANDOUT", "HM2"], On::Hand, From::Wrist, [0.0, 0.02, -0.08], 0.02),
+    mark(&["TROC", "GTR", "TROCHANTER", "FTC"], On::Thigh, From::Hip, [0.0, 0.08, -0.01], 0.04),
     mark(
         &[
             "THI",
@@ -113,6 +128,13 @@ const SIDED: &[Landmark] = &[
             "THIGHUPPER",
             "THIGHFRONT",
             "THIGHREAR",
+            "THIGHFRONTLOW",
+            "THIGHFRONTHIGH",
+            "THAP",
+            "THAD",
+            "THIAP",
+            "THIAD",
+            "BAR1",
             "THIGH1",
             "THIGH2",
             "THIGH3",
@@ -131,9 +153,15 @@ const SIDED: &[Landmark] = &[
         [0.02, 0.07, 0.2],
         ANYWHERE,
     ),
-    mark(&["KNE", "KNEE", "KNEELAT", "LFC", "FLE"], On::Thigh, From::Knee, [0.0, 0.056, 0.0], 0.012),
     mark(
-        &["KNEEMED", "KNEIN", "MKNE", "MKNEE", "MFC", "FME"],
+        &["KNE", "KNEE", "KNEELAT", "KNEEOUT", "KNEE1", "KNL", "LFC", "FLE"],
+        On::Thigh,
+        From::Knee,
+        [0.0, 0.056, 0.0],
+        0.012,
+    ),
+    mark(
+        &["KNEEMED", "KNEEIN", "KNEE2", "KNEIN", "KNM", "MKNE", "MKNEE", "MFC", "FME"],
         On::Thigh,
         From::Knee,
         [0.0, -0.054, 0.0],
@@ -146,6 +174,20 @@ const SIDED: &[Landmark] = &[
             "SHANKUPPER",
             "SHANKFRONT",
             "SHANKREAR",
+            "SHIN",
+            "SHINFRONTHIGH",
+            "SHINFRONTLOW",
+            "TIAP",
+            "TIAD",
+            "TIBAP",
+            "TIBAD",
+            "BAR2",
+            "TTC",
+            "FAX",
+            "SK1",
+            "SK2",
+            "SK3",
+            "SK4",
             "SH1",
             "SH2",
             "SH3",
@@ -161,13 +203,43 @@ const SIDED: &[Landmark] = &[
         [0.02, 0.05, 0.2],
         ANYWHERE,
     ),
-    mark(&["ANK", "ANKLE", "ANKLELAT", "FAL"], On::Shank, From::Ankle, [0.0, 0.043, 0.0], 0.012),
-    mark(&["ANKLEMED", "ANKIN", "MMA", "MANKLE", "TAM"], On::Shank, From::Ankle, [0.0, -0.04, 0.005], 0.012),
-    mark(&["HEE", "HEEL", "CAL", "CALC", "FCC"], On::Foot, From::Ankle, [-0.07, 0.0, -0.035], 0.02),
-    mark(&["TOE", "MT2", "FM2"], On::Foot, From::Ankle, [0.125, 0.0, -0.04], 0.03),
+    mark(
+        &["ANK", "ANKLE", "ANKLELAT", "ANKLEOUT", "MALL", "ANL", "FAL"],
+        On::Shank,
+        From::Ankle,
+        [0.0, 0.043, 0.0],
+        0.012,
+    ),
+    mark(
+        &["ANKLEMED", "ANKLEIN", "ANKIN", "MED", "ANM", "MMA", "MANKLE", "TAM"],
+        On::Shank,
+        From::Ankle,
+        [0.0, -0.04, 0.005],
+        0.012,
+    ),
+    mark(
+        &["HEE", "HEEL", "HEELBACK", "CAL", "CALC", "FCC"],
+        On::Foot,
+        From::Ankle,
+        [-0.07, 0.0, -0.035],
+        0.02,
+    ),
+    mark(&["TOE", "MT2", "FM2", "SMH", "FOREFOOT2"], On::Foot, From::Ankle, [0.125, 0.0, -0.04], 0.03),
     mark(&["TOETIP", "HLX"], On::Foot, From::Ankle, [0.18, 0.0, -0.045], 0.03),
-    mark(&["MT5", "MTP5", "5META", "FM5", "TOELAT"], On::Foot, From::Ankle, [0.1, 0.045, -0.045], 0.03),
-    mark(&["MT1", "MTP1", "FM1", "TOEMED"], On::Foot, From::Ankle, [0.12, -0.04, -0.045], 0.03),
+    mark(
+        &["MT5", "MTP5", "5META", "FM5", "VMH", "MET", "FOREFOOTOUT", "TOELAT"],
+        On::Foot,
+        From::Ankle,
+        [0.1, 0.045, -0.045],
+        0.03,
+    ),
+    mark(
+        &["MT1", "MTP1", "FM1", "FMH", "FOREFOOTIN", "TOEMED"],
+        On::Foot,
+        From::Ankle,
+        [0.12, -0.04, -0.045],
+        0.03,
+    ),
     mark(&["MIDFOOTSUP", "MIDFOOTLAT", "MFOOT"], On::Foot, From::Ankle, [0.05, 0.02, -0.03], ANYWHERE),
 ];
 
@@ -180,12 +252,34 @@ const MIDDLE: &[Landmark] = &[
         [-0.115, 0.0, 0.08],
         0.015,
     ),
-    mark(&["C7", "CV7"], On::Trunk, From::Neck, [-0.06, 0.0, 0.0], 0.03),
+    mark(&["C7", "CV7", "SPINETOP"], On::Trunk, From::Neck, [-0.06, 0.0, 0.0], 0.03),
     mark(&["T8", "TV8"], On::Trunk, From::Neck, [-0.12, 0.0, -0.17], 0.05),
     mark(&["T10", "TV10"], On::Trunk, From::Neck, [-0.11, 0.0, -0.24], 0.05),
     mark(&["CLAV", "IJ", "SJN", "JUGULAR"], On::Trunk, From::Neck, [0.05, 0.0, -0.06], 0.03),
-    mark(&["STRN", "STERNUM", "SXS", "PX", "XIPHOID"], On::Trunk, From::Neck, [0.09, 0.0, -0.2], 0.05),
+    mark(
+        &["STRN", "STERNUM", "SXS", "PX", "XIPHOID", "CHEST"],
+        On::Trunk,
+        From::Neck,
+        [0.09, 0.0, -0.2],
+        0.05,
+    ),
+    mark(&["HEADFRONT"], On::Head, From::Neck, [0.1, 0.0, 0.17], 0.03),
     mark(&["TOPHEAD", "HEADTOP", "VERTEX"], On::Head, From::Neck, [0.0, 0.0, 0.243], 0.03),
+];
+
+/// Markers of Leardini et al. (IOR), whose names are short: the side is before them, and in recordings with
+/// that set alone they are taken.
+const SHORT: &[Landmark] = &[
+    mark(&["GT"], On::Thigh, From::Hip, [0.0, 0.08, -0.01], 0.04),
+    mark(&["LE"], On::Thigh, From::Knee, [0.0, 0.056, 0.0], 0.012),
+    mark(&["ME"], On::Thigh, From::Knee, [0.0, -0.054, 0.0], 0.012),
+    mark(&["HF", "TT"], On::Shank, From::Ankle, [0.02, 0.05, 0.35], ANYWHERE),
+    mark(&["LM"], On::Shank, From::Ankle, [0.0, 0.043, 0.0], 0.012),
+    mark(&["MM"], On::Shank, From::Ankle, [0.0, -0.04, 0.005], 0.012),
+    mark(&["CA"], On::Foot, From::Ankle, [-0.07, 0.0, -0.035], 0.02),
+    mark(&["SM"], On::Foot, From::Ankle, [0.125, 0.0, -0.04], 0.03),
+    mark(&["VM"], On::Foot, From::Ankle, [0.1, 0.045, -0.045], 0.03),
+    mark(&["FM"], On::Foot, From::Ankle, [0.12, -0.04, -0.045], 0.03),
 ];
 
 /// Joint centres, as programs that see people without markers name them.
@@ -217,17 +311,54 @@ pub fn are_keypoints(labels: &[String]) -> bool {
     has("HIP") && has("KNEE") && has("ANKLE")
 }
 
-/// Returns the landmark of a name, and its side, where `centres` says that names of joints are their centres.
-fn find_in(name: &str, centres: bool) -> Option<(&'static Landmark, f64)> {
-    let own = || {
-        let name = plain(name);
-        let sides = [("LEFT", 1.0), ("RIGHT", -1.0), ("L", 1.0), ("R", -1.0)];
-        sides.iter().find_map(|(word, side)| {
-            let core = name.strip_prefix(word)?;
-            Some((CENTRES.iter().find(|l| l.names.contains(&core))?, *side))
-        })
-    };
-    if centres { own().or_else(|| find(name)) } else { find(name) }
+/// Returns true of the names of the set of Leardini et al.: tibial tuberosities and heads of fibulae are
+/// in it.
+fn are_short(labels: &[String]) -> bool {
+    let plain: Vec<String> = labels.iter().map(|label| plain(label)).collect();
+    ["LTT", "RTT", "LHF", "RHF"].iter().all(|name| plain.iter().any(|own| own == name))
+}
+
+/// The way names of a recording are understood.
+#[derive(Clone, Copy, Debug)]
+pub struct Naming {
+    /// Names of joints are their centres.
+    centres: bool,
+    /// Short names of IOR are known.
+    short: bool,
+}
+
+impl Naming {
+    /// Returns how the names of a recording are understood.
+    pub fn of(labels: &[String]) -> Self {
+        Self { centres: are_keypoints(labels), short: are_short(labels) }
+    }
+
+    /// Returns the landmark of a name, its side (1 left, −1 right, 0 in the middle), and the name without it.
+    fn find(self, name: &str) -> Option<(&'static Landmark, f64, String)> {
+        let after_side = |list: &'static [Landmark]| {
+            let name = plain(name);
+            let sides = [("LEFT", 1.0), ("RIGHT", -1.0), ("L", 1.0), ("R", -1.0)];
+            sides.iter().find_map(|(word, side)| {
+                let core = name.strip_prefix(word)?;
+                let found = list.iter().find(|l| l.names.contains(&core))?;
+                Some((found, *side, core.to_owned()))
+            })
+        };
+        let centre = if self.centres { after_side(CENTRES) } else { None };
+        let short = if self.short { after_side(SHORT) } else { None };
+        centre.or(short).or_else(|| core(name))
+    }
+
+    /// Returns true if a marker's name is known.
+    pub fn knows(self, name: &str) -> bool {
+        self.find(name).is_some()
+    }
+
+    /// Returns a marker's name without its side, and the side: 1 left, −1 right; `None` if it has none or is
+    /// not known.
+    pub fn sided(self, name: &str) -> Option<(String, f64)> {
+        self.find(name).filter(|(_, side, _)| *side != 0.0).map(|(_, side, core)| (core, side))
+    }
 }
 
 /// The assumed place of a marker of a known name.
@@ -252,9 +383,9 @@ impl Place {
 
 /// Returns where each marker is taken to be by its name, `None` of those that are not known.
 pub fn places(labels: &[String]) -> Vec<Option<Place>> {
-    let centres = are_keypoints(labels);
+    let naming = Naming::of(labels);
     let of = |label: &String| {
-        let (found, side) = find_in(label, centres)?;
+        let (found, side, _) = naming.find(label)?;
         let side_word = |names: [&str; 2]| names[1].replace("S_", if side > 0.0 { "l_" } else { "r_" });
         let [x, y, z] = found.at;
         let joint = match found.from {
@@ -273,34 +404,26 @@ pub fn places(labels: &[String]) -> Vec<Option<Place>> {
     labels.iter().map(of).collect()
 }
 
-/// Returns the landmark of a name, and its side: 1 left, −1 right, 0 in the middle.
-fn find(name: &str) -> Option<(&'static Landmark, f64)> {
-    core(name).map(|(found, side, _)| (found, side))
-}
-
-/// Returns the landmark of a name, its side as [`find`] does, and the name without its side.
+/// Returns the landmark of a name, its side, and the name without it: the side is before or after it, or
+/// within it after the waist's (`WaistLFront`).
 fn core(name: &str) -> Option<(&'static Landmark, f64, String)> {
     let name = plain(name);
     let of = |list: &'static [Landmark], core: &str| list.iter().find(|l| l.names.contains(&core));
     if let Some(found) = of(MIDDLE, &name) {
         return Some((found, 0.0, name));
     }
+    let name = match name.strip_prefix("WAIST") {
+        Some(rest) if rest.len() > 1 && rest.starts_with(['L', 'R']) => {
+            let (side, rest) = rest.split_at(1);
+            format!("{side}WAIST{rest}")
+        }
+        _ => name,
+    };
     let sides = [("LEFT", 1.0), ("RIGHT", -1.0), ("L", 1.0), ("R", -1.0)];
     sides.iter().find_map(|(word, side)| {
         let cores = [name.strip_prefix(word), name.strip_suffix(word)];
         cores.into_iter().flatten().find_map(|core| Some((of(SIDED, core)?, *side, core.to_owned())))
     })
-}
-
-/// Returns true if a marker's name is known.
-pub fn is_known(name: &str) -> bool {
-    find(name).is_some()
-}
-
-/// Returns a marker's name without its side, and the side: 1 left, −1 right; `None` if it has none or is not
-/// known.
-pub fn sided(name: &str) -> Option<(String, f64)> {
-    core(name).filter(|(_, side, _)| *side != 0.0).map(|(_, side, core)| (core, side))
 }
 
 /// Returns what markers of known names are fixed to, of a model of a person so tall; names that are not known
@@ -312,9 +435,9 @@ pub fn attach(model: &Model, skeleton: &Skeleton, labels: &[String], height_m: f
         names.iter().find_map(|name| model.link(&name.replace("S_", side)))
     };
     let scale = height_m / STATURE_M;
-    let centres = are_keypoints(labels);
+    let naming = Naming::of(labels);
     let attached = labels.iter().enumerate().filter_map(|(label, name)| {
-        let (found, side) = find_in(name, centres)?;
+        let (found, side, _) = naming.find(name)?;
         let on = link(on_links(found.on), side)?;
         let from = link(from_links(found.from), side)?;
         let [x, y, z] = found.at;

@@ -9,9 +9,10 @@ struct MarkerSet {
 }
 
 /// Sets that are recognised by their names. Vicon, *Plug-in Gait Reference Guide*; Leboeuf et al., *pyCGM2*,
-/// 2019; Qualisys, *QTM Marker Set Guide* (Sports); Leardini et al., *Gait & Posture* 26, 2007 (IOR); Uhlrich
-/// et al., *OpenCap*, 2023; Cao et al., *OpenPose*, 2019 (BODY_25). Names are compared in capitals and
-/// digits.
+/// 2019; Qualisys, *QTM Marker Set Guide* (Sports); Leardini et al., *Gait & Posture* 26, 2007 (IOR); Van
+/// Sint Jan, *Color Atlas of Skeletal Landmark Definitions*, 2007; C-Motion, *Visual3D documentation*; BTS,
+/// *SMART-Clinic* (Davis et al., *Human Movement Science* 10, 1991); Uhlrich et al., *OpenCap*, 2023; Cao et
+/// al., *OpenPose*, 2019 (BODY_25). Names are compared in capitals and digits.
 const SETS: &[MarkerSet] = &[
     MarkerSet {
         name: "Plug-in Gait",
@@ -26,6 +27,35 @@ const SETS: &[MarkerSet] = &[
             "LASI", "RASI", "LPSI", "RPSI", "LTHAP", "LTHAD", "LKNE", "LKNM", "LTIAP", "LTIAD", "LANK",
             "LMED", "LHEE", "LSMH", "LFMH", "LVMH", "RTHAP", "RTHAD", "RKNE", "RKNM", "RTIAP", "RTIAD",
             "RANK", "RMED", "RHEE", "RSMH", "RFMH", "RVMH",
+        ],
+    },
+    MarkerSet {
+        name: "CGM2.3",
+        labels: &[
+            "LASI", "RASI", "LPSI", "RPSI", "LTHI", "LKNE", "LTHIAP", "LTHIAD", "LTIB", "LANK", "LTIAP",
+            "LTIAD", "LHEE", "LTOE", "RTHI", "RKNE", "RTHIAP", "RTHIAD", "RTIB", "RANK", "RTIAP", "RTIAD",
+            "RHEE", "RTOE",
+        ],
+    },
+    MarkerSet {
+        name: "Qualisys Sports, legs",
+        labels: &[
+            "WAISTLFRONT",
+            "WAISTRFRONT",
+            "LTHIGHFRONTLOW",
+            "LKNEEOUT",
+            "LSHINFRONTHIGH",
+            "LANKLEOUT",
+            "LHEELBACK",
+            "LFOREFOOTOUT",
+            "LTOETIP",
+            "RTHIGHFRONTLOW",
+            "RKNEEOUT",
+            "RSHINFRONTHIGH",
+            "RANKLEOUT",
+            "RHEELBACK",
+            "RFOREFOOTOUT",
+            "RTOETIP",
         ],
     },
     MarkerSet {
@@ -57,6 +87,28 @@ const SETS: &[MarkerSet] = &[
         labels: &[
             "LIAS", "RIAS", "LIPS", "RIPS", "LGT", "LLE", "LME", "LHF", "LTT", "LLM", "LMM", "LCA", "LFM",
             "LVM", "RGT", "RLE", "RME", "RHF", "RTT", "RLM", "RMM", "RCA", "RFM", "RVM",
+        ],
+    },
+    MarkerSet {
+        name: "IOR, names of Van Sint Jan",
+        labels: &[
+            "LIAS", "RIAS", "LIPS", "RIPS", "LFTC", "LFLE", "LFME", "LFAX", "LTTC", "LFAL", "LTAM", "LFCC",
+            "LFM1", "LFM2", "LFM5", "RFTC", "RFLE", "RFME", "RFAX", "RTTC", "RFAL", "RTAM", "RFCC", "RFM1",
+            "RFM2", "RFM5",
+        ],
+    },
+    MarkerSet {
+        name: "Visual3D",
+        labels: &[
+            "LTH1", "LKNL", "LKNM", "LSK1", "LANL", "LANM", "LHEE", "LMT2", "LMT5", "RTH1", "RKNL", "RKNM",
+            "RSK1", "RANL", "RANM", "RHEE", "RMT2", "RMT5",
+        ],
+    },
+    MarkerSet {
+        name: "BTS Davis",
+        labels: &[
+            "LASIS", "RASIS", "LBAR1", "LKNEE1", "LBAR2", "LMALL", "LHEEL", "LMET", "RBAR1", "RKNEE1",
+            "RBAR2", "RMALL", "RHEEL", "RMET",
         ],
     },
     MarkerSet {
@@ -127,6 +179,8 @@ pub struct Likeness {
     pub of: usize,
     /// Markers of the set that are missing in the recording.
     pub missing: Vec<&'static str>,
+    /// Other sets that as many of its markers fit as well.
+    pub alike: Vec<&'static str>,
 }
 
 /// Returns the set that a recording's markers are of; `None` if they are of none that is known.
@@ -138,14 +192,30 @@ pub fn likeness(labels: &[String]) -> Option<Likeness> {
     let of = |set: &MarkerSet| {
         let missing: Vec<&'static str> =
             set.labels.iter().copied().filter(|label| !own.iter().any(|o| o == label)).collect();
-        Likeness { set: set.name, found: set.labels.len() - missing.len(), of: set.labels.len(), missing }
+        Likeness {
+            set: set.name,
+            found: set.labels.len() - missing.len(),
+            of: set.labels.len(),
+            missing,
+            alike: Vec::new(),
+        }
     };
     let share = |likeness: &Likeness| likeness.found as f64 / likeness.of as f64;
     let all = SETS.iter().map(of).filter(|found| share(found) >= SHARE);
     // Hips by name tell keypoints from markers; of two sets the one with more of its markers there is it.
-    all.filter(|found| found.set.starts_with("keypoints") == are_keypoints(labels)).max_by(|a, b| {
-        (a.found, share(a)).partial_cmp(&(b.found, share(b))).unwrap_or(std::cmp::Ordering::Equal)
-    })
+    let all: Vec<Likeness> =
+        all.filter(|found| found.set.starts_with("keypoints") == are_keypoints(labels)).collect();
+    let mut best: Option<Likeness> = None;
+    for found in all {
+        // As many markers of a smaller set are more of it.
+        let rank = |likeness: &Likeness| (likeness.found, std::cmp::Reverse(likeness.of));
+        match best.as_ref().map(|best| rank(&found).cmp(&rank(best))) {
+            None | Some(std::cmp::Ordering::Greater) => best = Some(found),
+            Some(std::cmp::Ordering::Equal) => best.iter_mut().for_each(|best| best.alike.push(found.set)),
+            Some(std::cmp::Ordering::Less) => {}
+        }
+    }
+    best
 }
 
 /// Returns the segments with fewer markers of known names than each takes: its name, how many it has, and how
@@ -197,6 +267,40 @@ mod tests {
         assert_eq!(known[19].as_ref().unwrap().joint, "r_elbow");
         assert_eq!(likeness(&labels("a b c")), None);
         assert_eq!(bare_segments(&cap), [("torso", 1, 2)]);
+    }
+
+    /// Names of sets as their makers publish them: every one has a place, and the set is named.
+    #[test]
+    fn sets_of_other_makers_are_known_with_places() {
+        let both = |names: &str| {
+            let sided = names.split(' ').flat_map(|name| [format!("L{name}"), format!("R{name}")]);
+            sided.collect::<Vec<String>>()
+        };
+        let with = |more: &str, names: &str| [labels(more), both(names)].concat();
+        let waist = "WaistLFront WaistRFront WaistL WaistR";
+        for (set, names) in [
+            ("CGM2", both("ASI PSI THAP THAD KNE KNM TIAP TIAD ANK MED HEE SMH FMH VMH")),
+            ("CGM2.3", both("ASI PSI THIAP KNE TIAP ANK HEE TOE")),
+            (
+                "Qualisys Sports, legs",
+                with(waist, "ThighFrontLow KneeOut ShinFrontHigh AnkleOut HeelBack ToeTip"),
+            ),
+            ("IOR", both("IAS IPS GT LE ME HF TT LM MM CA FM VM")),
+            ("IOR, names of Van Sint Jan", both("_IAS _IPS _FTC _FLE _TTC _FAL _FCC _FM2")),
+            ("Visual3D", both("ASI PSI TH1 KNL SK1 ANL HEE MT2")),
+            ("BTS Davis", both("_asis _psis _bar_1 _knee_1 _bar_2 _mall _heel _met")),
+        ] {
+            let found = likeness(&names).unwrap_or_else(|| panic!("{set}"));
+            assert_eq!((found.set, found.alike.len()), (set, 0), "{names:?}");
+            for (name, place) in names.iter().zip(places(&names)) {
+                assert!(place.is_some(), "{set}: {name}");
+            }
+        }
+        // Left and right of the waist, and no short name where the set is another one.
+        let all = places(&labels("WaistLFront WaistRBack LLE RME"));
+        assert!(all[0].as_ref().is_some_and(|place| place.at_m[1] > 0.1));
+        assert!(all[1].as_ref().is_some_and(|place| place.at_m[1] < 0.0 && place.at_m[0] < 0.0));
+        assert_eq!((&all[2], &all[3]), (&None, &None));
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::landmarks::sided;
+use super::landmarks::Naming;
 use super::markers::{Attached, Seen};
 use super::skeleton::{Pose, Skeleton};
 
@@ -15,7 +15,9 @@ const BETTER: f64 = 0.7;
 
 /// Returns the numbers of markers that are the same on either side, left first.
 fn pairs(markers: &[Attached]) -> Vec<(usize, usize)> {
-    let sides: Vec<Option<(String, f64)>> = markers.iter().map(|m| sided(&m.name)).collect();
+    let names: Vec<String> = markers.iter().map(|m| m.name.clone()).collect();
+    let naming = Naming::of(&names);
+    let sides: Vec<Option<(String, f64)>> = names.iter().map(|name| naming.sided(name)).collect();
     let left = sides.iter().enumerate().filter(|(_, side)| side.as_ref().is_some_and(|(_, s)| *s > 0.0));
     let pair = |(l, side): (usize, &Option<(String, f64)>)| {
         let (core, _) = side.as_ref()?;

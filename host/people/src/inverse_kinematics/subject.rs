@@ -7,7 +7,7 @@ use rigident_shared::tree::Joint;
 use super::calibrate::{Calibrated, calibrate};
 use super::known::ANATOMICAL_M;
 pub use super::known::Known;
-use super::landmarks::{attach, is_known};
+use super::landmarks::{Naming, attach};
 use super::lengths::{LENGTH_SIGMA_M, Other, contradiction, lengths, unusual};
 use super::markers::{Attached, Seen};
 use super::pelvis::{LOWEST_JOINT_SIGMA_M, pelvis, trunk};
@@ -188,7 +188,8 @@ impl Question<'_> {
     /// Returns the markers whose names say nothing.
     fn unknown(&self) -> Vec<String> {
         let own = &self.known.own_markers.marker;
-        self.labels.iter().filter(|l| !is_known(l) && !own.contains_key(*l)).cloned().collect()
+        let naming = Naming::of(self.labels);
+        self.labels.iter().filter(|l| !naming.knows(l) && !own.contains_key(*l)).cloned().collect()
     }
 
     /// Returns a person's model with the markers that were seen at all.

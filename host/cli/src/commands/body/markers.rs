@@ -54,6 +54,7 @@ pub(crate) fn run(arguments: &BodyMarkers) -> Result<ExitCode, Failure> {
             "segments": segments()?,
             "set": set.as_ref().map(|set| set.set),
             "missing": set.as_ref().map(|set| &set.missing),
+            "alike": set.as_ref().map(|set| &set.alike),
             "markers": markers.collect::<Vec<_>>(),
             "unknown": unknown,
             "bare_segments": bare.iter().map(|(segment, ..)| segment).collect::<Vec<_>>(),
@@ -81,6 +82,9 @@ pub(crate) fn run(arguments: &BodyMarkers) -> Result<ExitCode, Failure> {
             set.missing.join(", ")
         )),
         None => say("no set of markers that is known by its names"),
+    }
+    if let Some(set) = set.as_ref().filter(|set| !set.alike.is_empty()) {
+        say(format_args!("{} fits as well", set.alike.join(", ")));
     }
     for (segment, found, least) in &bare {
         say(format_args!("{segment}: {found} of the {least} markers that it takes"));
