@@ -28,7 +28,10 @@ pub enum TrialError {
         reason: String,
     },
     /// The ending is none that is known.
-    #[error("{0} is no trial by its name: it must end in .c3d or .trc")]
+    #[error(
+        "{0} is no trial by its name: it must end in .c3d or .trc; of markers in other forms, as in Motive's \
+         CSV, export one of these"
+    )]
     UnknownKind(String),
     /// It is no C3D file that can be read.
     #[error("{name}: {error}")]
