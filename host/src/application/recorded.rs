@@ -81,7 +81,9 @@ pub fn stream_set(path: &Path, rig: Option<&Path>) -> Result<Option<StreamSet>, 
 /// Returns the rig file, or the folder, by which a path names several files with clocks of their own; `None`
 /// of a single recording.
 pub fn listing_of(path: &Path, rig: Option<&Path>) -> Option<PathBuf> {
-    let given = (is_rig_file(path) || path.is_dir()).then(|| rig.filter(|_| path.is_dir()).unwrap_or(path));
+    // A bag is one recording, unless a rig file lists its topics.
+    let is_folder = path.is_dir() && !is_bag_folder(path);
+    let given = (is_rig_file(path) || is_folder).then(|| rig.filter(|_| is_folder).unwrap_or(path));
     given.map(Path::to_owned).or_else(|| listing(path, rig))
 }
 
