@@ -162,6 +162,13 @@ fn flatten(
             }
             columns.push((name, values.into_iter().map(number).collect()));
         }
+        // One quantity a row, as timeseries and simulations store them.
+        Content::Numbers(values) if most.is_some_and(|most| most == count && most != rows) => {
+            for k in 0..rows {
+                let cells = values.iter().skip(k).step_by(rows).copied().map(number).collect();
+                columns.push((format!("{name}_{}", k + 1), cells));
+            }
+        }
         Content::Numbers(_) if most.is_some_and(|most| most != rows) => {
             left_out.push(format!("{name} ({rows} × {count})"));
         }

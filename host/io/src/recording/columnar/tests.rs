@@ -144,6 +144,14 @@ fn variables_of_mat_files_become_columns() {
 }
 
 #[test]
+fn a_matrix_with_a_quantity_in_each_row_becomes_columns() {
+    let time = matrix("t_s", 3, 1, doubles(&[0.0, 1.0, 2.0]));
+    let force = matrix("F", 2, 3, doubles(&[1.0, 4.0, 2.0, 5.0, 3.0, 6.0]));
+    let known = "t_s,F_1,F_2\n0.0,1.0,4.0\n1.0,2.0,5.0\n2.0,3.0,6.0\n";
+    assert_eq!(csv("mat", mat_file(&[time, force])).as_deref(), Ok(known));
+}
+
+#[test]
 fn tables_of_unequal_length_are_reported() {
     let two = [matrix("t_s", 3, 1, doubles(&[0.0, 1.0, 2.0])), matrix("fx_n", 2, 1, doubles(&[0.0, 1.0]))];
     let said =

@@ -6,6 +6,12 @@ pub enum CdrError {
     /// The header names another encoding.
     #[error("the message is encoded as {0:#06x}, not as plain CDR")]
     Encoding(u16),
+    /// The message is packed by itself.
+    #[error(
+        "the message is packed (zstd), as `ros2 bag record` does with --compression-mode message: give the \
+         folder of the bag with its metadata.yaml"
+    )]
+    Packed,
     /// Bytes are missing.
     #[error("the message is cut off after {0} bytes")]
     CutOff(usize),
@@ -22,6 +28,8 @@ pub enum CdrError {
     Text,
 }
 
+/// Begins what zstd packed.
+const ZSTD: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
 /// Length of the header that names the encoding; alignment counts from its end.
 const HEADER: usize = 4;
 
@@ -101,6 +109,7 @@ impl<'a> CdrReader<'a> {
         let encoding = u16::from_be_bytes([header[0], header[1]]);
         match encoding {
             0 | 1 => Ok(Self { bytes, at: 0, little: encoding == 1 }),
+            _ if message.starts_with(&ZSTD) => Err(CdrError::Packed),
             other => Err(CdrError::Encoding(other)),
         }
     }
@@ -200,6 +209,7 @@ mod tests {
             assert_eq!(reader.f64(), Err(CdrError::CutOff(20)));
         }
         assert_eq!(CdrReader::new(&[0, 7, 0, 0]).unwrap_err(), CdrError::Encoding(7));
+        assert_eq!(CdrReader::new(&[0x28, 0xb5, 0x2f, 0xfd, 4]).unwrap_err(), CdrError::Packed);
         assert_eq!(CdrReader::new(&[0]).unwrap_err(), CdrError::CutOff(1));
     }
 }
