@@ -138,10 +138,15 @@ impl Unit {
             UNITS.iter().find(|(_, _, names)| names.iter().any(|name| same(name)))
         };
         let exact = found(&|name| name == joined);
-        // mN and MN are not one unit: only what a prefix does not change is taken in any letters.
+        // mN and MN are not one unit: only what a prefix does not change is taken in any letters. M before
+        // another letter than a metre's is mega.
+        let is_mega = joined.starts_with('M') && !joined.starts_with("MM");
         let any = || {
             let alike = |name: &str| name.to_lowercase() == joined.to_lowercase();
-            found(&alike).filter(|(_, scale, names)| *scale == 1.0 || names.iter().all(|n| n.len() > 2))
+            found(&alike).filter(|(_, scale, names)| {
+                let is_milli = *scale < 1.0 && names.iter().any(|n| n.starts_with('m') && alike(n));
+                (*scale == 1.0 || names.iter().all(|n| n.len() > 2)) && !(is_mega && is_milli)
+            })
         };
         exact.or_else(any).map(|(quantity, scale, _)| Self { quantity: *quantity, scale: *scale })
     }
@@ -198,6 +203,7 @@ mod tests {
             (&["Nm", "N m", "N·m", "N*m", "N.m", "N-m", "[Nm]", "NM"], Quantity::Moment, 1.0),
             (&["N mm", "Nmm", "N.mm", "mNm", "N-mm"], Quantity::Moment, 1e-3),
             (&["mN"], Quantity::Force, 1e-3),
+            (&["mm/s^2", "MM/S^2"], Quantity::Acceleration, 1e-3),
             (&["kgf"], Quantity::Force, 9.80665),
             (&["lbf-in", "lbf in", "in-lb", "in·lbf"], Quantity::Moment, 0.112_984_829_027_616_7),
             (&["deg/s", "°/s", "dps", "DEG/S"], Quantity::AngularRate, std::f64::consts::PI / 180.0),
@@ -212,7 +218,9 @@ mod tests {
             }
         }
         // A prefix in other letters is another unit, and mT is no moment.
-        for none in ["MN", "Kn", "mT", "%", "", "counts", "MS", "-"] {
+        for none in [
+            "MN", "MNm", "MN m", "MN·m", "Mdps", "Mdeg/s", "Mrad/s", "Kn", "mT", "%", "", "counts", "MS", "-",
+        ] {
             assert_eq!(Unit::parse(none), None, "{none}");
         }
         // No spelling is written twice.
