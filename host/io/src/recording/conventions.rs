@@ -290,6 +290,22 @@ pub fn columns(
     if without.is_empty() { Ok(found) } else { Err(without) }
 }
 
+/// Returns a column here that several columns of a table mean, with their names; `None` if there is none.
+pub fn repeated(names: &[String], meanings: &[Option<Meaning>]) -> Option<(String, Vec<String>)> {
+    let known = |k: usize| meanings.get(k)?.as_ref().map(|meaning| meaning.known.as_str());
+    let same = |of: &str| -> Vec<String> {
+        let alike = names.iter().enumerate().filter(|(k, _)| known(*k) == Some(of));
+        alike.map(|(_, name)| name.clone()).collect()
+    };
+    let mut all = (0..names.len()).filter_map(known).map(|of| (of.to_owned(), same(of)));
+    all.find(|(known, same)| known != "t_s" && same.len() > 1)
+}
+
+/// Returns names in quotes, with "and" between them.
+pub fn either(names: &[String]) -> String {
+    names.iter().map(|name| format!("{name:?}")).collect::<Vec<_>>().join(" and ")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -11,6 +11,7 @@ mod plain;
 mod quick;
 mod written;
 
+use std::collections::BTreeMap;
 use std::io::Read;
 
 use self::group_rows::GroupRows;
@@ -57,6 +58,8 @@ pub(super) struct Reader<'a> {
     above: Vec<String>,
     /// Columns that hold times of day.
     clocks: Vec<usize>,
+    /// By the place of a column that begins with neither number nor time of day: its first cell.
+    strange: BTreeMap<usize, String>,
     /// The statement that its columns were found by their names and units.
     assumed: Option<String>,
     /// The program that wrote the file, where its way of writing counts.
@@ -109,6 +112,7 @@ impl<'a> Reader<'a> {
             units: Vec::new(),
             above: Vec::new(),
             clocks: Vec::new(),
+            strange: BTreeMap::new(),
             assumed: None,
             program: None,
             warnings: Vec::new(),
@@ -273,6 +277,11 @@ fn refuse(cell: &str) -> String {
     let cell = shorten(cell);
     if cell.is_empty() {
         "the value is missing: fill it in, or remove the row".to_owned()
+    } else if cell.starts_with(sheet::FORMULA) {
+        format!(
+            "{cell:?} is a formula, and its value is not in the file: open it in a program for spreadsheets \
+             and save it"
+        )
     } else if cell.parse::<f64>().is_ok() {
         format!("{cell} is not a finite number: correct it, or remove the row")
     } else if nearest_known(&cell).as_deref() == Some(cell.as_str()) {

@@ -1,6 +1,7 @@
 //! Files of other programs: how they are written, what their columns may be, and a rig file that says so.
 
 mod choices;
+mod joints;
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -10,6 +11,7 @@ use super::columns::{Group, Known};
 use super::conventions::{self, Meaning};
 use super::csv::careful;
 use super::text::clock::Stamp;
+use super::text::decimal::is_number;
 use super::text::encoding::decode;
 use super::text::layout::Stepper;
 use super::text::one_line;
@@ -17,6 +19,7 @@ use super::{Recording, RecordingError, columnar, extension, is_text, sheet};
 use crate::rig::{ColumnSource, DecimalMark, RigFile, ScaledColumn, Unit, WrenchSign};
 
 pub use choices::{ChoiceError, Columns};
+pub use joints::JointColumns;
 
 /// Rows that are shown.
 const SHOWN: usize = 3;
@@ -155,49 +158,7 @@ fn of_columns(file: String, kind: &str, bytes: Vec<u8>) -> Result<Understood, Re
     Ok(Understood { file, written, header_line: None, columns, bytes })
 }
 
-/// Joints of Universal Robots' arms, from the base on, as their URDF names them.
-const UR_JOINTS: [&str; 6] = [
-    "shoulder_pan_joint",
-    "shoulder_lift_joint",
-    "elbow_joint",
-    "wrist_1_joint",
-    "wrist_2_joint",
-    "wrist_3_joint",
-];
-
-/// The columns of a joint in a robot's own log.
-#[derive(Clone, Debug, PartialEq)]
-pub struct JointColumns {
-    /// The joint in the robot's model.
-    pub name: &'static str,
-    /// The column of the joint's angle, rad.
-    pub position: String,
-    /// The column of the joint's rate, rad/s.
-    pub rate: Option<String>,
-    /// The column of the joint's torque, N m.
-    pub effort: Option<String>,
-    /// The current of its motor, A.
-    pub current: Option<String>,
-}
-
 impl Understood {
-    /// Returns the joints whose columns are named as outputs of Universal Robots' controller are; none of
-    /// other files.
-    pub fn joints(&self) -> Vec<JointColumns> {
-        let has = |name: String| self.columns.iter().any(|column| column.name == name).then_some(name);
-        let joint = |(k, name): (usize, &&'static str)| {
-            Some(JointColumns {
-                name,
-                position: has(format!("actual_q_{k}"))?,
-                rate: has(format!("actual_qd_{k}")),
-                effort: has(format!("actual_current_as_torque_{k}")),
-                current: has(format!("actual_current_{k}")),
-            })
-        };
-        let found: Vec<JointColumns> = UR_JOINTS.iter().enumerate().filter_map(joint).collect();
-        if found.len() == UR_JOINTS.len() { found } else { Vec::new() }
-    }
-
     /// Returns the known columns with where they are: as a user says, by a name of the notation, or by what
     /// other programs call them; a group only if all of it is there.
     ///
@@ -230,7 +191,8 @@ impl Understood {
         });
         let others: Vec<Option<Meaning>> = others.collect();
         let whole = self.whole(&others, &choices.columns);
-        let proposed = conventions::columns(&names, &whole, is_clock).map_err(Undecided::Units)?;
+        let proposed = conventions::columns(&names, &whole, is_clock);
+        let proposed = proposed.map_err(|without| self.without_units(without, choices))?;
         for (known, source) in proposed {
             let name = source.parts().0.to_owned();
             let column = units.get(name.as_str());
@@ -247,6 +209,19 @@ impl Understood {
             found.insert(known.clone(), (name.clone(), unit.clone().or(own)));
         }
         Ok(found)
+    }
+
+    /// Says why columns have no unit.
+    fn without_units(&self, without: Vec<String>, choices: &Choices) -> Undecided {
+        let is_time = |column: &&FileColumn| {
+            let known = column.meaning.as_ref().is_some_and(|meaning| meaning.known == "t_s");
+            known && without.contains(&column.name) && !choices.units.contains_key(&column.name)
+        };
+        let strange = |column: &FileColumn| {
+            let cell = column.cells.first().filter(|cell| !cell.is_empty() && !is_number(cell))?;
+            Some(Undecided::TimeForm { column: column.name.clone(), cell: cell.clone() })
+        };
+        self.columns.iter().find(is_time).and_then(strange).unwrap_or(Undecided::Units(without))
     }
 
     /// Leaves the meanings whose group is whole together with what is chosen.
@@ -274,6 +249,25 @@ pub enum Undecided {
     /// Units of columns.
     #[error("the unit of {} is written nowhere", .0.join(", "))]
     Units(Vec<String>),
+    /// Times in a form that is not known.
+    #[error(
+        "the form of the time in column {column} is not known: {cell:?}; write it in s, or as in 2026-12-31 \
+         10:12:33.5"
+    )]
+    TimeForm {
+        /// The column.
+        column: String,
+        /// Its first cell.
+        cell: String,
+    },
+    /// A quantity that several columns mean.
+    #[error("{known} could be {}: say which is which", conventions::either(.names))]
+    Twice {
+        /// The column here.
+        known: String,
+        /// The columns of the file.
+        names: Vec<String>,
+    },
     /// A column that is not there.
     #[error("there is no column {0:?}")]
     NoColumn(String),
@@ -372,7 +366,7 @@ fn write_rig(
         }
     }
     for (file, _) in files {
-        write_joints(text, &file.joints())?;
+        joints::write(text, &file.joints())?;
     }
     if has(|group| matches!(group, Group::Accel(_) | Group::Gyro(_))) {
         writeln!(
@@ -381,35 +375,6 @@ fn write_rig(
              of the load cell, w, x, y, z.\n\
              [[imu]]\n# position_m = [0.0, 0.0, 0.0]\n# rotation_wxyz = [1.0, 0.0, 0.0, 0.0]"
         )?;
-    }
-    Ok(())
-}
-
-/// Writes the columns of a robot's joints.
-fn write_joints(text: &mut String, joints: &[JointColumns]) -> std::fmt::Result {
-    if !joints.is_empty() {
-        writeln!(
-            text,
-            "\n# Joints as Universal Robots' URDF names them; angles in rad, rates in rad/s. Forces at the \
-             TCP are in axes of the base, and not used."
-        )?;
-    }
-    for joint in joints {
-        writeln!(text, "\n[[joint]]\nname = {}\nposition = {}", quoted(joint.name), quoted(&joint.position))?;
-        if let Some(rate) = &joint.rate {
-            writeln!(text, "rate = {}", quoted(rate))?;
-        }
-        match (&joint.effort, &joint.current) {
-            (Some(effort), _) => writeln!(text, "effort = {}", quoted(effort))?,
-            (None, Some(current)) => writeln!(
-                text,
-                "# {} is a current, A, and no torque: give N m for an ampere as scale\n# effort = \
-                 {{ name = {}, scale = 10.0 }}",
-                one_line(current),
-                quoted(current)
-            )?,
-            (None, None) => {}
-        }
     }
     Ok(())
 }

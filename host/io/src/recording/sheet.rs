@@ -58,6 +58,9 @@ pub(super) fn is_workbook(ending: &str) -> bool {
     matches!(ending, "xlsx" | "xlsm")
 }
 
+/// Begins a cell with a formula whose value is not stored.
+pub(super) const FORMULA: char = '=';
+
 /// A cell: its row, its column, and its text.
 type Place = (u32, u32, String);
 
@@ -143,11 +146,38 @@ fn cells(
         let (row, column) = cell.get_position();
         all.push((row, column, text));
     }
+    drop(reader);
     if !all.is_sorted_by_key(|(row, column, _)| (*row, *column)) {
         all.sort_by_key(|(row, column, _)| (*row, *column));
     }
     all.dedup_by_key(|(row, column, _)| (*row, *column));
+    add_formulas(workbook, name, &mut all, room)?;
     Ok(all)
+}
+
+/// Adds the formulas whose values are not stored, as text: no cell of a row is empty because of them.
+fn add_formulas(
+    workbook: &mut Xlsx<Cursor<&[u8]>>,
+    name: &str,
+    all: &mut Vec<Place>,
+    room: &mut Room,
+) -> Result<(), Option<String>> {
+    let mut reader = workbook.worksheet_cells_reader(name).map_err(|error| Some(damaged(error)))?;
+    let mut missing: Vec<Place> = Vec::new();
+    while let Some(cell) = reader.next_formula().map_err(|error| Some(damaged(error)))? {
+        let place = cell.get_position();
+        if all.binary_search_by_key(&place, |(row, column, _)| (*row, *column)).is_err() {
+            let text = format!("{FORMULA}{}", one_line(cell.get_value()));
+            room.take_cells(1, text.len()).map_err(Some)?;
+            missing.push((place.0, place.1, text));
+        }
+    }
+    if !missing.is_empty() {
+        all.append(&mut missing);
+        all.sort_by_key(|(row, column, _)| (*row, *column));
+        all.dedup_by_key(|(row, column, _)| (*row, *column));
+    }
+    Ok(())
 }
 
 /// Marks a cell of text, which may be a number that somebody wrote.

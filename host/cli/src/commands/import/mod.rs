@@ -105,13 +105,16 @@ fn decided(file: &Understood, choices: &mut Choices, is_asked: bool) -> Result<C
     loop {
         let missing = match file.decided(choices) {
             Ok(found) => return Ok(found),
-            Err(error @ Undecided::NoneKnown) => {
+            Err(error @ (Undecided::NoneKnown | Undecided::Twice { .. })) => {
                 return Err(Failure::input(format!(
                     "{}: {error} by --column, as in --column fx_n=NAME:N",
                     file.file
                 )));
             }
             Err(Undecided::Units(names)) => names,
+            Err(error @ Undecided::TimeForm { .. }) => {
+                return Err(Failure::input(format!("{}: {error}", file.file)));
+            }
             Err(error @ Undecided::NoColumn(_)) => return Err(Failure::input(error)),
         };
         if !is_asked {

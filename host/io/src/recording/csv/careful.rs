@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use super::{LONGEST_LINE, MOST_COLUMNS, Reader, Sink, comments, refuse, separator};
 use crate::recording::columns::Known;
 use crate::recording::text::clock::{Clock, Stamp, Survey};
-use crate::recording::text::decimal::{Form, Forms, Unclear};
+use crate::recording::text::decimal::{Form, Forms, Unclear, is_number};
 use crate::recording::text::encoding::decode;
 use crate::recording::text::layout::{Layout, Stepper, is_comment};
 use crate::recording::text::rows::{Rows, Separator};
@@ -118,6 +118,8 @@ struct Seen {
     forms: Option<Forms>,
     /// The column's times of day, while all of its cells are such.
     stamps: Option<Survey>,
+    /// The column's first cell, if it is neither.
+    strange: Option<String>,
 }
 
 /// The way the cells of a table are read.
@@ -176,6 +178,8 @@ impl Reader<'_> {
         let seen = self.survey(rows(), layout)?;
         let clocks = seen.iter().enumerate().filter(|(_, seen)| seen.stamps.is_some());
         self.clocks = clocks.map(|(k, _)| k).collect();
+        let strange = seen.iter().enumerate().filter_map(|(k, seen)| Some((k, seen.strange.clone()?)));
+        self.strange = strange.collect();
         self.name_columns(layout.names.clone())?;
         let mut ways = self.ways(rows(), layout, seen)?;
         let (mut rows, mut cells, mut stepper) = (rows(), Vec::new(), Stepper::default());
@@ -211,6 +215,12 @@ impl Reader<'_> {
             return Ok(());
         }
         let count = cells.len();
+        if !cells.iter().any(|cell| is_number(cell)) {
+            let text: String = cells.join(" ").chars().take(40).collect();
+            let reason =
+                format!("{text:?} is text after the rows of the table: remove the line, or begin it with #");
+            return Err(self.at(line, None, reason));
+        }
         Err(self.at(
             line,
             None,
@@ -238,7 +248,7 @@ impl Reader<'_> {
 
     /// Examines every cell once.
     fn survey(&self, mut rows: Rows<'_>, layout: &Layout) -> Result<Vec<Seen>, RecordingError> {
-        let whole = || Seen { forms: Some(Forms::ALL), stamps: Some(Survey::default()) };
+        let whole = || Seen { forms: Some(Forms::ALL), stamps: Some(Survey::default()), strange: None };
         let mut all: Vec<Seen> = layout.names.iter().map(|_| whole()).collect();
         let mut cells = Vec::new();
         let mut count = 0;
@@ -263,11 +273,15 @@ impl Reader<'_> {
                     && !forms.see_number(cell)
                 {
                     seen.forms = None;
+                    seen.strange = (count == 1).then(|| cell.to_string());
                 }
             }
         }
         // A column that is made holds no times of day.
-        all.iter_mut().skip(layout.width()).for_each(|seen| *seen = Seen::default());
+        let made = layout.steps.as_ref().and_then(|steps| steps.column);
+        let is_made = |k: usize| k >= layout.width() || made == Some(k);
+        let columns = all.iter_mut().enumerate().filter(|(k, _)| is_made(*k));
+        columns.for_each(|(_, seen)| *seen = Seen::default());
         if count == 0 {
             all.iter_mut().for_each(|seen| *seen = Seen::default());
         }
@@ -285,11 +299,11 @@ impl Reader<'_> {
             Some(comma) => Forms::with_decimal(comma),
             None => Forms::ALL,
         };
-        let is_number = |k: usize| {
+        let has_numbers = |k: usize| {
             let sink = self.columns.get(k).map(|column| &column.sink);
             matches!(sink, Some(Sink::Number { .. } | Sink::Time { .. })) && !self.clocks.contains(&k)
         };
-        let form = match self.form(rows, layout, first, is_number)? {
+        let form = match self.form(rows, layout, first, has_numbers)? {
             Ok(form) => form,
             Err((unclear, forms)) => {
                 // Other columns of numbers may show it.
@@ -331,9 +345,9 @@ impl Reader<'_> {
         mut rows: Rows<'_>,
         layout: &Layout,
         mut forms: Forms,
-        is_number: impl Fn(usize) -> bool,
+        has_numbers: impl Fn(usize) -> bool,
     ) -> Result<Result<Form, (Unclear, Forms)>, RecordingError> {
-        let numbers: Vec<usize> = (0..layout.names.len()).filter(|k| is_number(*k)).collect();
+        let numbers: Vec<usize> = (0..layout.names.len()).filter(|k| has_numbers(*k)).collect();
         let mut cells = Vec::new();
         while let Some(line) = rows.next(&mut cells) {
             if cells.len() != layout.width() && is_comment(&cells) {

@@ -378,3 +378,33 @@ fn damaged_exports_never_panic_and_rows_read_come_back() {
     }
     assert!(read_again > 2000, "{read_again}");
 }
+
+/// Times and negative numbers as other programs write them.
+#[test]
+fn foreign_times_and_signs_are_read_or_named() {
+    let text = |times: &dyn Fn(usize) -> String, force: &str, end: &str| {
+        let body: String = (0..40).map(|k| format!("{};{force};0.5;70.5;1.5;2.5;3.5\n", times(k))).collect();
+        format!("Time;Fx [N];Fy [N];Fz [N];Mx [Nm];My [Nm];Mz [Nm]\n{body}{end}")
+    };
+    let read = |text: String| Recording::from_csv_bytes("a.csv", text.as_bytes(), &RigFile::default());
+    let plain = |k: usize| format!("00:00:00.{:03}", 5 * k);
+    for times in [
+        &|k: usize| format!("0 days 00:00:00.{:06}", 5000 * k) as _,
+        &|k: usize| format!("20261120T101233.{:03}", 5 * k),
+        &|k: usize| format!("Fri Nov 20 10:12:33.{:03} 2026", 5 * k),
+        &|k: usize| format!("20 déc. 2026 10:12:33.{:03}", 5 * k),
+        &|k: usize| format!("10:12:33:{:06}", 5000 * k),
+    ] as [&dyn Fn(usize) -> String; 5]
+    {
+        let recording = read(text(times, "-5.58", "")).unwrap_or_else(|e| panic!("{}: {e}", times(0)));
+        assert_eq!((recording.rate_hz, recording.rows()), (Some(200.0), 40), "{}", times(0));
+    }
+    for force in ["-5.58", "5.58-", "(5.58)", "- 5.58", "\u{2212}5.58"] {
+        let recording = read(text(&plain, force, "")).unwrap_or_else(|e| panic!("{force}: {e}"));
+        assert_eq!(recording.wrench.unwrap()[3][0], -5.58, "{force}");
+    }
+    let said = read(text(&|k| format!("T+{k}ms"), "5.58", "")).unwrap_err().to_string();
+    assert!(said.contains("the form of the time in column Time is not known: \"T+0ms\""), "{said}");
+    let said = read(text(&plain, "5.58", "\nEnde der Messung\n")).unwrap_err().to_string();
+    assert!(said.contains("line 43") && said.contains("\"Ende der Messung\" is text after"), "{said}");
+}

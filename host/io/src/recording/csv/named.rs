@@ -7,6 +7,7 @@ use rigident_shared::printable;
 
 use super::{Column, Reader, Sink, shorten};
 use crate::recording::columns::{Known, TIME, is_printable, other_unit};
+use crate::recording::conventions::Meaning;
 use crate::recording::{RecordingError, conventions};
 use crate::rig::spelling::nearest;
 use crate::rig::{ColumnSource, Quantity, Unit};
@@ -25,6 +26,13 @@ impl Reader<'_> {
         let meanings = conventions::meanings(header, &self.units, &self.above);
         let is_clock = |k: usize| self.clocks.contains(&k);
         let columns = conventions::columns(header, &meanings, is_clock).map_err(|without| {
+            if let Some((column, cell)) = self.strange_time(header, &meanings) {
+                return self.columns_error(format!(
+                    "the form of the time in column {column} is not known: {:?}; write it in s, or as in \
+                     2026-12-31 10:12:33.5",
+                    shorten(cell)
+                ));
+            }
             let first = without.first().map_or("Fx", String::as_str);
             let of_first = conventions::meaning(first, None);
             self.columns_error(format!(
@@ -37,7 +45,11 @@ impl Reader<'_> {
         })?;
         let is_group = |known: &String| known != TIME;
         if !columns.keys().any(is_group) {
-            return Ok(());
+            let Some((known, names)) = conventions::repeated(header, &meanings) else { return Ok(()) };
+            return Err(self.columns_error(format!(
+                "{known} could be {}: name the columns in [recording] columns of a rig file",
+                conventions::either(&names)
+            )));
         }
         let said = columns.iter().map(|(known, source)| match source.parts() {
             (name, 1.0) => format!("{known} = {name:?}"),
@@ -50,6 +62,18 @@ impl Reader<'_> {
         ));
         self.rig.recording.columns = columns;
         Ok(())
+    }
+
+    /// Returns the column of a time that is neither a number nor a form of time that is known, with its first
+    /// cell.
+    fn strange_time<'a>(
+        &'a self,
+        header: &'a [String],
+        meanings: &[Option<Meaning>],
+    ) -> Option<(&'a str, &'a str)> {
+        let is_time = |k: &usize| meanings.get(*k).and_then(Option::as_ref).is_some_and(|m| m.known == TIME);
+        let k = (0..header.len()).find(is_time)?;
+        Some((header.get(k)?.as_str(), self.strange.get(&k)?.as_str()))
     }
 
     /// Returns what each column is, by its name or by the rig file.

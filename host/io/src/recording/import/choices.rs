@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use super::{Choices, Undecided, Understood, sources};
 use crate::recording::columns::{Known, TIME};
+use crate::recording::conventions::{self, Meaning};
 use crate::recording::{Recording, RecordingError};
 use crate::rig::{DecimalMark, RecordingTable, RigFile, Unit, WrenchSign};
 
@@ -109,7 +110,13 @@ impl Understood {
         let own = own.map(|(known, column)| (known.clone(), column.clone())).collect();
         let found = self.proposal(&Choices { columns: own, ..choices.clone() })?;
         let is_known = found.keys().any(|known| known != TIME) || !self.joints().is_empty();
-        if is_known { Ok(found) } else { Err(Undecided::NoneKnown) }
+        if is_known {
+            return Ok(found);
+        }
+        let names: Vec<String> = self.columns.iter().map(|column| column.name.clone()).collect();
+        let meanings: Vec<Option<Meaning>> = self.columns.iter().map(|c| c.meaning.clone()).collect();
+        let repeated = conventions::repeated(&names, &meanings);
+        Err(repeated.map_or(Undecided::NoneKnown, |(known, names)| Undecided::Twice { known, names }))
     }
 
     /// Reads the file with these columns, this sign of the wrench and this decimal mark.

@@ -2,20 +2,20 @@
 
 /// Nanoseconds of a day.
 const DAY_NS: i128 = 86_400_000_000_000;
-/// Short names of the months, and the German ones that differ.
+/// Beginnings of the names of the months: English, German, French, Italian, Spanish, Portuguese.
 const MONTHS: [&[&str]; 12] = [
-    &["jan"],
-    &["feb"],
+    &["jan", "gen", "ene"],
+    &["feb", "fév", "fev"],
     &["mar", "mär", "mrz"],
-    &["apr"],
-    &["may", "mai"],
-    &["jun"],
-    &["jul"],
-    &["aug"],
-    &["sep"],
-    &["oct", "okt"],
+    &["apr", "avr", "abr"],
+    &["may", "mai", "mag"],
+    &["jun", "juin", "giu"],
+    &["jul", "juil", "lug"],
+    &["aug", "aoû", "aou", "ago"],
+    &["sep", "set"],
+    &["oct", "okt", "ott", "out"],
     &["nov"],
-    &["dec", "dez"],
+    &["dec", "dez", "déc", "dic"],
 ];
 
 /// A date as it is written.
@@ -131,9 +131,18 @@ impl Clock {
 impl Stamp {
     /// Reads a time of day, or a date with one; `None` if it is none.
     pub(crate) fn parse(cell: &str) -> Option<Self> {
-        // A number has no colon.
-        if !cell.contains(':') || cell.len() > 64 {
+        if cell.len() > 64 {
             return None;
+        }
+        // A number has no colon.
+        if !cell.contains(':') {
+            return basic(cell).and_then(|extended| Self::parse(&extended));
+        }
+        if cell.contains(" day") {
+            return elapsed(cell);
+        }
+        if let Some(plain) = weekday_first(cell) {
+            return Self::parse(&plain);
         }
         let mut rest = cell.trim();
         let mut shift_ns = 0;
@@ -162,6 +171,36 @@ impl Stamp {
     }
 }
 
+/// Writes the basic form of ISO 8601, `20261120T101233.5`, in the extended one.
+fn basic(cell: &str) -> Option<String> {
+    let (date, clock) = cell.split_once('T')?;
+    let is_number = |text: &str| text.bytes().all(|b| b.is_ascii_digit());
+    let part = |text: &'_ str, from: usize, to: usize| {
+        text.get(from..to).filter(|t| is_number(t)).map(str::to_owned)
+    };
+    let (year, month, day) = (part(date, 0, 4)?, part(date, 4, 6)?, part(date, 6, 8)?);
+    let (hour, minute, second) = (part(clock, 0, 2)?, part(clock, 2, 4)?, part(clock, 4, 6)?);
+    let rest = clock.get(6..).filter(|_| date.len() == 8)?;
+    Some(format!("{year}-{month}-{day}T{hour}:{minute}:{second}{rest}"))
+}
+
+/// Reads a span as pandas writes it: `0 days 00:00:00.005`, `-1 days +23:59:59.9`.
+fn elapsed(cell: &str) -> Option<Stamp> {
+    let (days, rest) = cell.trim().split_once(" day")?;
+    let clock = rest.strip_prefix('s').unwrap_or(rest).trim_start_matches([' ', '+', ',']);
+    let days = days.parse::<i32>().ok()?;
+    let ns = i128::from(days) * DAY_NS + time_of_day(clock, None)?;
+    Some(Stamp { date: None, ns })
+}
+
+/// Writes `Fri Nov 20 10:12:33.5 2026` in the order of other dates.
+fn weekday_first(cell: &str) -> Option<String> {
+    const DAYS: [&str; 7] = ["Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun"];
+    let parts: Vec<&str> = cell.split_whitespace().collect();
+    let [weekday, month, day, clock, year] = parts.as_slice() else { return None };
+    DAYS.contains(weekday).then(|| format!("{day}-{month}-{year} {clock}"))
+}
+
 /// Parts `+01:00` off a text; ns.
 fn offset(text: &str) -> Option<(&str, i128)> {
     let at = text.rfind(['+', '-'])?;
@@ -179,8 +218,15 @@ fn offset(text: &str) -> Option<(&str, i128)> {
     Some((local, if zone.starts_with('-') { -ns } else { ns }))
 }
 
-/// Reads `h:mm:ss.fff`, `h:mm:ss` or `mm:ss.fff`, ns since midnight.
+/// Reads `h:mm:ss.fff`, `h:mm:ss:fff`, `h:mm:ss` or `mm:ss.fff`, ns since midnight.
 fn time_of_day(text: &str, is_afternoon: Option<bool>) -> Option<i128> {
+    // Two digits could be frames.
+    if let Some((clock, fraction)) = text.rsplit_once(':')
+        && clock.matches(':').count() == 2
+        && matches!(fraction.len(), 3 | 6 | 9)
+    {
+        return time_of_day(&format!("{clock}.{fraction}"), is_afternoon);
+    }
     let parts: Vec<&str> = text.split(':').collect();
     let number = |text: &str, most: i128| {
         let value = (1..=2).contains(&text.len()).then(|| text.parse::<i128>().ok()).flatten()?;
@@ -236,8 +282,8 @@ fn date_of(text: &str) -> Option<Date> {
 }
 
 fn month(text: &str) -> Option<u32> {
-    let short: String = text.to_lowercase().chars().take(3).collect();
-    let place = MONTHS.iter().position(|names| names.contains(&short.as_str()))?;
+    let small = text.to_lowercase();
+    let place = MONTHS.iter().position(|names| names.iter().any(|name| small.starts_with(name)))?;
     u32::try_from(place + 1).ok()
 }
 
@@ -284,11 +330,28 @@ mod tests {
             "20/11/2026 10:12:33.002",
             "20-Nov-2026 10:12:33.002",
             "20 Nov 2026 10:12:33.002",
+            "20261120T101233.002",
+            "20261120T101233,002Z",
+            "20261120T111233.002+0100",
+            "Fri Nov 20 10:12:33.002 2026",
+            "20 nov. 2026 10:12:33,002",
+            "20.11.2026 10:12:33:002",
         ] {
             assert_eq!(ns(&[cell]), Ok(vec![known]), "{cell}");
         }
         assert_eq!(ns(&["11/20/26 12:00:00.5 AM"]).unwrap()[0] % DAY_NS, 500_000_000);
         assert_eq!(ns(&["11/20/26 12:00:00 PM"]).unwrap()[0] % DAY_NS, DAY_NS / 2);
+        // As pandas writes spans of time.
+        assert_eq!(ns(&["0 days 00:00:00", "0 days 00:00:00.005000"]), Ok(vec![0, 5_000_000]));
+        assert_eq!(
+            ns(&["-1 days +23:59:59.5", "1 days 00:00:01"]),
+            Ok(vec![-500_000_000, DAY_NS + 1_000_000_000])
+        );
+        for (names, number) in
+            [(["juin", "giugno"], 6), (["juil.", "lug"], 7), (["déc.", "dic"], 12), (["Août", "ago"], 8)]
+        {
+            assert!(names.iter().all(|name| month(name) == Some(number)), "{names:?}");
+        }
         assert_eq!(days(1970, 1, 1), Some(0));
         assert_eq!(days(2000, 2, 29), Some(11_016));
         assert_eq!(days(2026, 2, 29), None);
@@ -316,6 +379,10 @@ mod tests {
             "31.02.2026 10:12:33",
             "13/13/2026 1:00:00",
             "a:b:c",
+            "20261120T1012",
+            "20261120",
+            "10:12:33:25",
+            "2026-11-20T101233",
         ] {
             assert_eq!(Stamp::parse(none), None, "{none}");
         }

@@ -166,17 +166,23 @@ impl Form {
                 self.name()
             ));
         }
-        if cell.bytes().all(|b| b.is_ascii_digit() || matches!(b, b'-' | b'+' | b'e' | b'E'))
-            || (self == Self::PLAIN && cell.is_ascii())
+        let (is_negative, unsigned) = signed(cell);
+        // A sign before the digits, or none.
+        let is_usual = cell.len() <= unsigned.len() + 1 && cell.ends_with(unsigned);
+        if is_usual
+            && (cell.bytes().all(|b| b.is_ascii_digit() || matches!(b, b'-' | b'+' | b'e' | b'E'))
+                || (self == Self::PLAIN && cell.is_ascii()))
         {
             return Ok(Cow::Borrowed(cell));
         }
-        let mut plain = String::with_capacity(cell.len());
-        for letter in cell.chars() {
+        let mut plain = String::with_capacity(cell.len() + 1);
+        if is_negative {
+            plain.push('-');
+        }
+        for letter in unsigned.chars() {
             match mark(letter) {
                 Some(own) if own == self.decimal => plain.push('.'),
                 Some(_) => {}
-                None if letter == '\u{2212}' => plain.push('-'),
                 None => plain.push(letter),
             }
         }
@@ -194,6 +200,20 @@ fn mark(letter: char) -> Option<char> {
     }
 }
 
+/// Parts the sign off a number: `-5`, `- 5`, and as accounts write it `5-`, `(5)`.
+fn signed(cell: &str) -> (bool, &str) {
+    if let Some(inside) = cell.strip_prefix('(').and_then(|rest| rest.strip_suffix(')')) {
+        return (true, inside);
+    }
+    if let Some(unsigned) = cell.strip_prefix(['-', '\u{2212}']) {
+        return (true, unsigned.trim_start());
+    }
+    if let Some(unsigned) = cell.strip_prefix('+') {
+        return (false, unsigned.trim_start());
+    }
+    cell.strip_suffix(['-', '\u{2212}']).map_or((false, cell), |unsigned| (true, unsigned.trim_end()))
+}
+
 /// Returns true if a cell is a number in some form.
 pub(crate) fn is_number(cell: &str) -> bool {
     fits(cell).0 != 0
@@ -202,7 +222,7 @@ pub(crate) fn is_number(cell: &str) -> bool {
 /// Returns the forms in which a cell is a number, as bits, and whether it has commas and points.
 fn fits(cell: &str) -> (u8, bool, bool) {
     const NONE: (u8, bool, bool) = (0, false, false);
-    let unsigned = cell.strip_prefix(['-', '+', '\u{2212}']).unwrap_or(cell);
+    let (_, unsigned) = signed(cell);
     let (mantissa, exponent) = match unsigned.split_once(['e', 'E']) {
         Some((mantissa, exponent)) => (mantissa, Some(exponent)),
         None => (unsigned, None),
@@ -268,6 +288,8 @@ mod tests {
             (&["0,123", "1,234"], &["0.123", "1.234"]),
             (&["0.123", "1.234"], &["0.123", "1.234"]),
             (&["1.234.567", "1.234"], &["1234567", "1234"]),
+            (&["5.58-", "(5.58)", "- 5.58", "+ 7", "5-"], &["-5.58", "-5.58", "-5.58", "7", "-5"]),
+            (&["5,58-", "(1.234,5)", "- 0,5"], &["-5.58", "-1234.5", "-0.5"]),
         ] {
             let form = form(cells).unwrap_or_else(|unclear| panic!("{cells:?}: {unclear:?}"));
             for (cell, known) in cells.iter().zip(known) {
@@ -279,7 +301,10 @@ mod tests {
         let mut forms = Forms::ALL;
         assert!(forms.see("1,5") && !forms.see("2.5"));
         assert!(Form::PLAIN.plain("1,5").is_err());
-        for none in ["", "-", ".", "abc", "1,23,456", "12:30", "1e", "0x10", "1.5.2", "nan"] {
+        for none in [
+            "", "-", ".", "abc", "1,23,456", "12:30", "1e", "0x10", "1.5.2", "nan", "()", "-5-", "(-5)",
+            "1e-", "3-4",
+        ] {
             assert!(FORMS.iter().all(|form| !form.fits(none)), "{none}");
         }
     }

@@ -1,7 +1,8 @@
 //! Layouts that programs of laboratories write and that their own words announce: each gives what its file
 //! does not say in the table itself: a rate instead of times, counts instead of units, where the rows end.
 //!
-//! Sources: Universal Robots, *RTDE Guide* (names and units of outputs); Xsens, *MT Low Level Communication
+//! Sources: Universal Robots, *RTDE Guide* (names and units of outputs); Franka
+//! Robotics, `libfranka`, `logToCSV` (names, time in ms); Xsens, *MT Low Level Communication
 //! Protocol* (counters, units); Vicon, *Nexus User Guide*, ASCII export; Qualisys, *QTM User Manual*, TSV
 //! export; ATI, *Net F/T Manual*, Java demonstration; HBK, *catman*, ASCII export.
 
@@ -60,6 +61,7 @@ pub(super) fn find(text: &str, line: u64) -> Option<Result<Layout, String>> {
         .or_else(|| qualisys(text, line))
         .or_else(|| net_ft(text, line))
         .or_else(|| universal_robots(text, line))
+        .or_else(|| franka(text, line))
         .or_else(|| catman(text, line))
 }
 
@@ -265,7 +267,8 @@ fn net_ft(text: &str, line: u64) -> Option<Result<Layout, String>> {
         "Tx" | "Ty" | "Tz" => Some(moment),
         _ => None,
     };
-    let counts: Vec<Option<f64>> = names.iter().map(axis).collect();
+    let mut counts: Vec<Option<f64>> = names.iter().map(axis).collect();
+    let time = names.iter().position(|name| name == TIME);
     let (mut rows, mut cells) = (Rows::new(text.get(from..).unwrap_or_default(), number, comma), Vec::new());
     for _ in 0..MOST_LINES {
         if rows.next(&mut cells).is_none() {
@@ -275,11 +278,14 @@ fn net_ft(text: &str, line: u64) -> Option<Result<Layout, String>> {
             |(cell, counts): (&Cow<'_, str>, &Option<f64>)| counts.is_none() || cell.parse::<i64>().is_ok();
         // Other programs write the same lines above numbers in units: a count has no decimals.
         if !cells.iter().zip(&counts).all(is_count) {
-            return None;
+            if time.is_some() {
+                return None;
+            }
+            counts.clear();
+            break;
         }
     }
     let none = vec![None; names.len()];
-    let time = names.iter().position(|name| name == TIME);
     let mut layout = Layout::new(comma, names, none, preamble(text, header.from), header.after());
     let counter = Some(Counter { column: counter, within: None, wraps_at: 1 << 32 });
     layout.program = Some("ATI Net F/T");
@@ -316,6 +322,21 @@ fn universal_robots(text: &str, line: u64) -> Option<Result<Layout, String>> {
     let units = names.iter().map(|name| (name == "timestamp").then(|| "s".to_owned())).collect();
     let mut layout = Layout::new(own, names, units, Vec::new(), header.after());
     layout.program = Some("Universal Robots RTDE");
+    layout.comma = (own != Separator::One(b';')).then_some(false);
+    Some(Ok(layout))
+}
+
+/// Logs that libfranka writes: the robot's time is in ms.
+fn franka(text: &str, line: u64) -> Option<Result<Layout, String>> {
+    let header = lines(text, line).find(|line| !line.is_blank())?;
+    if !header.text.contains("state.q[0]") || !header.text.contains("state.dq[0]") {
+        return None;
+    }
+    let own = Separator::One(separator(header.text));
+    let names: Vec<String> = header.cells(own).iter().map(|cell| cell.to_string()).collect();
+    let units = names.iter().map(|name| (name == "time").then(|| "ms".to_owned())).collect();
+    let mut layout = Layout::new(own, names, units, Vec::new(), header.after());
+    layout.program = Some("libfranka");
     layout.comma = (own != Separator::One(b';')).then_some(false);
     Some(Ok(layout))
 }

@@ -159,6 +159,16 @@ fn counts_of_a_net_ft_are_divided() {
     let recording = read(&format!("{head}{decimals}")).unwrap();
     assert_eq!(recording.wrench.as_ref().unwrap()[0], [1.5, -0.25, 700.0, 0.012, -0.034, 0.056]);
     assert_eq!((recording.rate_hz, recording.time_ns[0]), (Some(500.0), 1_795_169_553_000_000_000));
+    // Times of day with milliseconds give way to the count, too.
+    let timed = body("1500000").replace("10:12 AM", "10:12:33.005 AM");
+    assert!((read(&format!("{head}{timed}")).unwrap().rate_hz.unwrap() - 7000.0).abs() < 1e-3);
+    // Without a column of time the count makes it, of numbers in units as of counts.
+    let decimals = rows(40, |k| {
+        format!("0x00000000, {}, {}, 1.5, -0.25, {}.0, 0.012, -0.034, 0.056", k + 1, k + 9, 700 + k)
+    });
+    let recording = read(&format!("{}{decimals}", head.replace(", Time", ""))).unwrap();
+    assert_eq!(recording.wrench.as_ref().unwrap()[0], [1.5, -0.25, 700.0, 0.012, -0.034, 0.056]);
+    assert!((recording.rate_hz.unwrap() - 7000.0).abs() < 1e-3);
     // Pounds stay pounds.
     let pounds = format!("{head}{}", body("1500000"))
         .replace("Units: Nm", "Units: lbf-in")
@@ -242,6 +252,77 @@ fn joints_of_a_universal_robot_become_those_of_its_model() {
     std::fs::write(&path, torque).unwrap();
     let joints = understand(&path).unwrap().joints();
     assert_eq!(joints[5].effort.as_deref(), Some("actual_current_as_torque_5"));
+}
+
+/// As `logToCSV` of libfranka writes them: the time is in ms.
+#[test]
+fn joints_of_a_franka_become_those_of_its_model() {
+    let of = |what: &str| (0..7).map(|k| format!("{what}[{k}]")).collect::<Vec<_>>().join(", ");
+    let names = ["state.q", "state.q_d", "state.dq", "state.tau_J"].map(of).join(",");
+    let row = |k: usize| {
+        let cells: Vec<String> = (0..28).map(|j| format!("{:.4}", 0.01 * (k + j) as f64)).collect();
+        format!("{},1,{}", 4000 + k, cells.join(","))
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("robot.csv");
+    std::fs::write(&path, format!("time, success_rate, {names}\n{}", rows(40, row))).unwrap();
+    let found = understand(&path).unwrap();
+    assert_eq!(found.written[0], ("program", "libfranka".to_owned()));
+    let joints = found.joints();
+    assert_eq!((joints.len(), joints[2].name), (7, "fr3_joint3"));
+    assert_eq!(joints[2].position, "state.q[2]");
+    assert_eq!(joints[2].effort.as_deref(), Some("state.tau_J[2]"));
+    let columns = found.decided(&Choices::default()).unwrap();
+    assert_eq!(columns["t_s"], ("time".to_owned(), Some("ms".to_owned())));
+    let sign = crate::rig::WrenchSign::OnBody;
+    let text = crate::recording::import::rig_text(&[(&found, columns)], &[None], sign, None);
+    let rig = RigFile::parse(&text).unwrap_or_else(|error| panic!("{error}\n{text}"));
+    assert_eq!((rig.joint.len(), rig.joint[6].rate.is_some()), (7, true), "{text}");
+    let recording = found.read(&rig).unwrap();
+    assert_eq!((recording.rate_hz, recording.time_ns[0]), (Some(1000.0), 4_000_000_000));
+}
+
+/// Two plates, as Vicon exports them.
+#[test]
+fn a_quantity_of_two_columns_is_named_with_both() {
+    let head = "Devices\n200\n,,FP1 - Force,,,FP1 - Moment,,,FP2 - Force,,,FP2 - Moment,,\n\
+                Frame,Sub Frame,Fx,Fy,Fz,Mx,My,Mz,Fx,Fy,Fz,Mx,My,Mz\n\
+                ,,N,N,N,N.mm,N.mm,N.mm,N,N,N,N.mm,N.mm,N.mm\n";
+    let body = rows(40, |k| format!("{k},0,1,2,700,4,5,6,1,2,3,4,5,6"));
+    let said = read(&format!("{head}{body}")).unwrap_err().to_string();
+    assert!(said.contains("fx_n could be \"FP1 - Force Fx\" and \"FP2 - Force Fx\""), "{said}");
+}
+
+/// LabVIEW without a column of times, of two devices.
+#[test]
+fn labview_channels_that_are_not_at_the_same_times_are_refused() {
+    let file = |clock: &str, x0: &str, delta: &str| {
+        let six = |first: &str, other: &str| format!("{}\t{}", [first; 6].join("\t"), [other; 6].join("\t"));
+        let head = "LabVIEW Measurement\t\nSeparator\tTab\nDecimal_Separator\t.\nX_Columns\tNo\n\
+                    Date\t2026/11/20\nTime\t10:12:33.5\n***End_of_Header***\t\n\nChannels\t12\n";
+        let names = "Fx\tFy\tFz\tMx\tMy\tMz\tAccX\tAccY\tAccZ\tGyrX\tGyrY\tGyrZ";
+        let body = rows(40, |k| format!("\t0.5\t1.5\t{}\t1\t2\t3\t0.1\t0.2\t9.8\t0.1\t0.2\t0.3", 70 + k));
+        read(&format!(
+            "{head}Date\t{}\nTime\t{}\nY_Unit_Label\tN\tN\tN\tNm\tNm\tNm\tm/s^2\tm/s^2\tm/s^2\trad/s\trad/s\
+             \trad/s\nX0\t{}\nDelta_X\t{}\n***End_of_Header***\nX_Value\t{names}\tComment\n{body}",
+            six("2026/11/20", "2026/11/20"),
+            six("10:12:33.5", clock),
+            six("0.0", x0),
+            six("0.005", delta)
+        ))
+    };
+    assert_eq!(file("10:12:33.5", "0.0", "0.005").unwrap().rate_hz, Some(200.0));
+    // A later stamp and as much less before it.
+    assert!(file("10:12:33.6", "-1.0E-1", "0.005").is_ok());
+    for (clock, x0, delta, begins) in [
+        ("10:12:33.5", "5.0E-2", "0.005", "0.050000"),
+        ("10:12:36.5", "0.0", "0.005", "3.000000"),
+        ("10:12:33.5", "0.0", "0.004", "0.000000"),
+    ] {
+        let said = file(clock, x0, delta).unwrap_err().to_string();
+        let wanted = format!("AccX begins {begins} s after Fx, with steps of {delta} s and 0.005 s");
+        assert!(said.contains(&wanted), "{said}");
+    }
 }
 
 /// Recorders that were asked for forces alone.
