@@ -21,6 +21,8 @@ const GYRO: [&str; 3] = ["gx_radps", "gy_radps", "gz_radps"];
 const GRAVITY: [&str; 3] = ["gx_mps2", "gy_mps2", "gz_mps2"];
 const GAUGES: [&str; 6] = ["g1_v", "g2_v", "g3_v", "g4_v", "g5_v", "g6_v"];
 const POSE: [&str; 7] = ["x_m", "y_m", "z_m", "qw", "qx", "qy", "qz"];
+/// Columns with the place of the plate, the first of its pose.
+pub(super) const PLACE: [&str; 3] = ["x_m", "y_m", "z_m"];
 const ATTITUDE: [&str; 4] = ["w", "x", "y", "z"];
 /// Name of the time's column.
 pub const TIME: &str = "t_s";

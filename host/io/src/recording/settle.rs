@@ -2,6 +2,7 @@
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
+use super::columns::Group;
 use super::{GAP, Recording, RecordingError, measured_rate, rows, time};
 use crate::rig::WrenchSign;
 
@@ -66,6 +67,12 @@ impl Recording {
         let mut columns: Vec<Vec<f64>> = Vec::new();
         for name in &names {
             let Some((_, cells)) = self.extra.iter().find(|(own, _)| own == name) else {
+                // Those of a whole pose of the plate.
+                let place = Group::Platform.names().iter().position(|own| own == name);
+                if let (Some(k), Some(poses)) = (place, &self.platform) {
+                    columns.push(poses.iter().map(|pose| pose[k]).collect());
+                    continue;
+                }
                 return Err(refuse(format!("attitude_wxyz names column {name:?}, and there is none")));
             };
             let numbers = cells.iter().map(|cell| cell.trim().parse::<f64>().ok().filter(|v| v.is_finite()));
@@ -209,6 +216,14 @@ mod tests {
         // Turned by 90° about x, y of S is up.
         for (found, wanted) in gravity.iter().zip([[0.0, 0.0, -9.80665], [0.0, -9.80665, 0.0]]) {
             assert!(found.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-6), "{found:?}");
+        }
+        // By the names of the notation, of which a place makes a pose of the plate.
+        let by_name = keys.replace(r#""a", "b", "c", "d""#, r#""qw", "qx", "qy", "qz""#);
+        let alone = poses.replace("a,b,c,d", "qw,qx,qy,qz");
+        let whole = alone.replace(",qw", ",x_m,y_m,z_m,qw").replace("0,0,0,1,", "0,0,0,0,0,0,1,");
+        let whole = whole.replace("0,0,0,0.7", "0,0,0,0,0,0,0.7");
+        for text in [alone, whole] {
+            assert_eq!(read(&by_name, &text).unwrap().gravity.unwrap(), gravity, "{text}");
         }
         for wrong in [poses.replace(",1,0,0,0", ",2,0,0,0"), poses.replace(",a,", ",e,")] {
             assert!(matches!(read(keys, &wrong), Err(RecordingError::Columns { .. })));

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use rigident_shared::printable;
 
 use super::{Column, Reader, Sink, shorten};
-use crate::recording::columns::{Known, TIME, is_printable, other_unit};
+use crate::recording::columns::{Known, PLACE, TIME, is_printable, other_unit};
 use crate::recording::conventions::Meaning;
 use crate::recording::{RecordingError, conventions};
 use crate::rig::spelling::nearest;
@@ -81,6 +81,11 @@ impl Reader<'_> {
         let mapping = &self.rig.recording.columns;
         let sources = self.sources(&header)?;
         self.check_names(&header)?;
+        // Without a place they are no pose of the plate.
+        let has_place = header.iter().any(|name| PLACE.contains(&name.as_str()))
+            || PLACE.iter().any(|name| mapping.contains_key(*name));
+        let attitude = self.rig.recording.attitude_wxyz.iter().flatten().filter(|_| !has_place);
+        let attitude: Vec<String> = attitude.cloned().collect();
         let mut columns: Vec<Column> = Vec::new();
         let mut known_columns = Vec::new();
         for (place, name) in header.into_iter().enumerate() {
@@ -88,7 +93,8 @@ impl Reader<'_> {
                 return Err(self.columns_error(format!("column {name:?} appears twice: rename one")));
             }
             let source = sources.get(name.as_str()).copied();
-            let known = source.map_or_else(|| Known::parse(&name), |(known, _)| Known::parse(known));
+            let own = || Known::parse(&name).filter(|_| !attitude.contains(&name));
+            let known = source.map_or_else(own, |(known, _)| Known::parse(known));
             let sink = self.sink(&name, known, source.map_or((1.0, 0.0), |(_, unit)| unit))?;
             if let Some(known) = known {
                 let is_given = source.is_some_and(|(own, _)| mapping.get(own).is_some_and(has_unit));
