@@ -7,6 +7,7 @@
 use rigident_shared::calibration::Reading;
 
 use super::Input;
+use super::errors::GRAVITY;
 use rigident_io::recording::Recording;
 use rigident_io::rig::FROZEN_AFTER;
 
@@ -26,6 +27,12 @@ const MILLIMETRES: f64 = 10.0;
 const UNIT_TOLERANCE: f64 = 0.1;
 /// Less than this share of gravity is what is left where somebody subtracts it.
 const WITHOUT: f64 = 0.25;
+/// The length of gravity columns differs from gravity by at most this many standard deviations of both,
+const LENGTH_SD: f64 = 4.42;
+/// or by this share, as that of a table or a level with few digits does,
+const FEW_DIGITS: f64 = 1e-3;
+/// and scatters from pose to pose by at most this share.
+const SCATTERS: f64 = 0.01;
 /// One g of an accelerometer in g, m/s².
 const STANDARD_GRAVITY: f64 = 9.80665;
 /// The rate above which there is no still pose, rad/s.
@@ -61,6 +68,25 @@ pub enum Implausible {
         what: &'static str,
         /// The unit it seems to be in, and the factor from it to m/s².
         unit: Option<(&'static str, f64)>,
+    },
+    /// Gravity columns of another length than gravity has, or of several.
+    #[error(
+        "the gravity columns are {length:.4} m/s² long on average and scatter by {scatter:.4} m/s² from pose to \
+         pose, while gravity_mps2 is {gravity}: {}",
+        if *scatter > SCATTERS * *gravity {
+            "gravity has one length; an axis of them has another scale or sign, or they are the readings of an \
+             accelerometer, which are to be given as imu_ax_mps2 … with the class of the IMU"
+        } else {
+            "correct their scale in [recording] columns of the rig file, or gravity_mps2 in [recording]"
+        }
+    )]
+    GravityLength {
+        /// Mean length of the columns, m/s².
+        length: f64,
+        /// Standard deviation of the length, m/s².
+        scatter: f64,
+        /// Gravity as it is stated, m/s².
+        gravity: f64,
     },
     /// The load cell gives one value for ever.
     #[error(
@@ -151,7 +177,27 @@ pub fn check(input: &Input, gravity_mps2: f64, gravity_columns: bool) -> Result<
     };
     let lever_m = length(mounting.position.array());
     let at_rest = at_rest(readings, calibrated, input.is_static, input.rate_hz);
-    compare(at_rest, gravity_mps2, gravity_columns, lever_m)
+    compare(at_rest, gravity_mps2, gravity_columns, lever_m)?;
+    if !gravity_columns {
+        return Ok(());
+    }
+    let known = input.nuisances.iter().find(|nuisance| nuisance.name == GRAVITY);
+    let known_sd = known.map_or(0.0, |nuisance| nuisance.sigma * gravity_mps2);
+    let lengths = readings.iter().map(|reading| length(calibrated(reading).0)).filter(|v| v.is_finite());
+    check_length(&lengths.collect::<Vec<_>>(), gravity_mps2, known_sd)
+}
+
+/// Checks the lengths of gravity columns against gravity, known to `known_sd`, m/s², and against each other.
+fn check_length(lengths: &[f64], gravity: f64, known_sd: f64) -> Result<(), Implausible> {
+    let count = lengths.len() as f64;
+    let length = lengths.iter().sum::<f64>() / count.max(1.0);
+    let square = lengths.iter().map(|own| (own - length).powi(2)).sum::<f64>() / (count - 1.0).max(1.0);
+    let most = (LENGTH_SD * (square / count.max(1.0) + known_sd * known_sd).sqrt()).max(FEW_DIGITS * gravity);
+    let scatter = square.sqrt();
+    if lengths.is_empty() || ((length - gravity).abs() <= most && scatter <= SCATTERS * gravity) {
+        return Ok(());
+    }
+    Err(Implausible::GravityLength { length, scatter, gravity })
 }
 
 /// Returns what to know of an IMU's place, m, that can hardly be in metres.

@@ -162,3 +162,31 @@ fn poses_a_millisecond_apart_are_reported_and_minutes_apart_are_not() {
     assert!(every(1e-3).is_some_and(|w| w.contains("every 1.000 ms")));
     assert_eq!((every(20.0), hurried_poses(&[]), hurried_poses(&[3.0])), (None, None, None));
 }
+
+/// Twelve poses all around with lengths that noise of 0.02 % has, and the same with a scale, of one axis too.
+#[test]
+fn gravity_columns_have_the_length_of_gravity() {
+    let attitudes: Vec<[f64; 3]> = (0..12)
+        .map(|k| {
+            let (azimuth, z) = (2.4 * f64::from(k), 1.0 - (2.0 * f64::from(k) + 1.0) / 12.0);
+            let across = (1.0 - z * z).sqrt();
+            [across * azimuth.cos(), across * azimuth.sin(), z]
+        })
+        .collect();
+    let lengths = |scale: [f64; 3]| -> Vec<f64> {
+        let of = |(k, v): (usize, &[f64; 3])| {
+            let noise = 1.0 + 2e-4 * (7.0 * k as f64).sin();
+            9.80665 * noise * super::length(std::array::from_fn(|i| scale[i] * v[i]))
+        };
+        attitudes.iter().enumerate().map(of).collect()
+    };
+    let check = |scale| super::check_length(&lengths(scale), 9.80665, 0.0173);
+    assert_eq!(check([1.0; 3]), Ok(()));
+    assert_eq!(check([1.005; 3]), Ok(()));
+    assert!(matches!(check([1.03; 3]), Err(Implausible::GravityLength { length, .. }) if length > 10.09));
+    assert!(check([1.03; 3]).unwrap_err().to_string().contains("correct their scale"));
+    let of_axis = check([1.0, 1.0, 1.1]).unwrap_err();
+    assert!(of_axis.to_string().contains("an axis of them"), "{of_axis}");
+    // Columns of few digits beside a gravity of many.
+    assert_eq!(super::check_length(&[9.81; 12], 9.8123, 6e-4), Ok(()));
+}
