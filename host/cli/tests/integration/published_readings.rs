@@ -227,6 +227,11 @@ fn an_answer_says_on_which_scales_it_rests() {
     let u95 = gain["u95_percent"].as_f64().unwrap();
     assert!((0.65..1.14).contains(&u95), "{gain}");
     assert_eq!(of("accelerometer scale").len(), 1);
+    // A ratio of two such gains.
+    let [ratio] = &of("scale of the moments against the forces")[..] else {
+        panic!("{}", result["rests_on"])
+    };
+    assert!((ratio["u95_percent"].as_f64().unwrap() / u95 - 2f64.sqrt()).abs() < 1e-9, "{ratio}");
     let notes = result["notes"].as_array().unwrap().iter();
     assert_eq!(notes.filter(|note| note.as_str().unwrap().starts_with("rests on")).count(), 1);
 }
