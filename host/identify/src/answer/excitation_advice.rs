@@ -228,10 +228,10 @@ fn more(share: f64, what: &str) -> String {
 /// `r` is the triangle of the data alone in true standard deviations, of ten parameters or of sixteen with
 /// the offset. `estimate` counts what was known beforehand and gives the body's scale; `coverage_factor` is
 /// that of the data's intervals; `spurious` is the information that noise of the rates alone brings to a
-/// moment of inertia, 1/(kg m²)².
+/// moment of inertia, 1/(kg m²)². Nothing is said of what `is_identified` with what is known beforehand.
 pub(super) fn advice(
     r: Option<&DMatrix<f64>>,
-    estimate: &Estimate,
+    (estimate, is_identified): (&Estimate, &dyn Fn(usize) -> bool),
     coverage_factor: f64,
     spurious: f64,
 ) -> Vec<String> {
@@ -257,7 +257,9 @@ pub(super) fn advice(
         advice.push(one_pose(&information));
         return advice;
     }
-    advice.extend(tilt(&information, mass.map(|(_, q)| q), &moments));
+    let open = |mut range: std::ops::Range<usize>| range.any(|j| !is_identified(j));
+    let lacking = if open(1..4) { moments.as_slice() } else { &[] };
+    advice.extend(tilt(&information, mass.map(|(_, q)| q).filter(|_| open(0..1)), lacking));
     advice.extend(rotation(&rotations));
     for _ in 0..10 {
         let Some((x, q)) = information.weakest_beside(&reported).filter(|(_, q)| *q < 1.0) else { break };
@@ -271,14 +273,16 @@ pub(super) fn advice(
 }
 
 /// Returns what to do so that the rest of one body is identified.
-pub(super) fn of_body(fit: &Fit) -> Vec<String> {
+pub(super) fn of_body(fit: &Fit, states: &[ParameterState]) -> Vec<String> {
     let n = fit.parameters.len();
     let rows = || match &fit.solved {
         Some(solved) => solved.r(),
         None => fit.factor.discount(fit.noise.variance_scale).r(),
     };
     let r = (n == 10 || n == 16).then(rows);
-    advice(r.as_ref(), &fit.estimate, fit.data_alone().coverage_factor(), fit.spurious_information)
+    let is_identified = |j: usize| states.get(j).is_some_and(ParameterState::is_identified);
+    let judged = (&fit.estimate, &is_identified as &dyn Fn(usize) -> bool);
+    advice(r.as_ref(), judged, fit.data_alone().coverage_factor(), fit.spurious_information)
 }
 
 /// Returns why parameters of a tree, or of any other model, are not identified, owner by owner.

@@ -331,7 +331,7 @@ impl Answer {
             // No motion helps.
             _ if all || self.status == Status::Implausible => Vec::new(),
             _ if context.payload.is_some() => load::advice(self),
-            _ if judged.is_body => excitation_advice::of_body(fit),
+            _ if judged.is_body => excitation_advice::of_body(fit, &judged.states),
             links => excitation_advice::of_links(fit, links, &judged.states),
         };
     }
