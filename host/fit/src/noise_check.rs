@@ -26,6 +26,10 @@ pub struct Judgement {
     pub variance_scale: f64,
 }
 
+/// Degrees of freedom that the noise of a channel needs to be that channel's own; what it lacks it borrows from
+/// the other channels, forces and moments apart.
+pub(super) const OWN_FREEDOM: f64 = 4.0;
+
 /// Noise is far from what is stated if it is this many times larger or smaller.
 const FAR: f64 = 3.0;
 
@@ -76,7 +80,10 @@ pub fn judge(sets: &[RowSet], residual_sum_of_squares: f64, fitted: f64) -> Judg
     let rows: f64 = sets.iter().map(|s| s.rows as f64).sum();
     let expected: f64 = sets.iter().map(|s| s.rows as f64 * s.noise_gain).sum();
     let channels = sets.iter().map(|s| s.channels).max().unwrap_or(1).max(1) as f64;
-    let left = |readings: f64| (readings - fitted / channels).max(1.0);
+    let left = |readings: f64| {
+        let own = readings - fitted / channels;
+        own.max(OWN_FREEDOM.min(0.5 * channels * own)).max(1.0)
+    };
     let dof = left(sets.iter().map(RowSet::independent).sum());
     let estimated: f64 = sets.iter().filter(|s| !s.sigma_given).map(RowSet::independent).sum();
     let noise = if sets.iter().all(|s| s.sigma_given) {

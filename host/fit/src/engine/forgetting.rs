@@ -88,6 +88,7 @@ impl Engine<'_> {
         let residuals = self.residuals(&*self.blocks, &estimate.values, &weights);
         let channels = self.source.channels();
         let fitted = vec![estimate.rank() as f64 / channels.len().max(1) as f64; channels.len()];
+        let channels = (channels, &*self.source.nominal_sigma());
         raw_sigma(&*self.blocks, channels, &self.measured_rms, &fitted, recent(&residuals, span))
     }
 

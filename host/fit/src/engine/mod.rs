@@ -10,6 +10,7 @@ mod finish;
 mod forgetting;
 mod refining;
 mod rows;
+mod scatter;
 mod spurious;
 mod widening;
 
@@ -31,6 +32,9 @@ pub use spurious::LEAST_EXCITATION;
 
 /// Rounds of weights from residuals where no σ is stated: from the unweighted fit, then once more.
 const SIGMA_ROUNDS: usize = 2;
+
+/// Row blocks of which each one's share of the degrees of freedom is reckoned.
+const MOST_LEVERAGES: usize = 500;
 
 /// Fits the parameters of a source to its rows.
 ///
@@ -98,6 +102,8 @@ struct Engine<'a> {
     noise: Option<RowNoise<'a>>,
     row_noise_gain: f64,
     limit: f64,
+    /// Largest σ of the channels that still poses can have; `None`: not bounded.
+    largest_sigma: Option<Vec<f64>>,
 }
 
 /// Rows absorbed.
@@ -171,7 +177,7 @@ impl<'a> Engine<'a> {
         // noise.
         let unweighted = options.forgetting.is_some() && !columns.is_empty();
         let measured = measured_rms(&*blocks, channels.len(), parameters);
-        Ok(Self {
+        let mut engine = Self {
             source,
             options,
             parameters,
@@ -181,8 +187,11 @@ impl<'a> Engine<'a> {
             noise,
             row_noise_gain: blocks.filter().row_noise_gain(),
             limit: if unweighted { 0.0 } else { outliers::LIMIT_SD },
+            largest_sigma: None,
             blocks,
-        })
+        };
+        engine.largest_sigma = engine.largest_sigma();
+        Ok(engine)
     }
 
     /// Returns the stated σ of all channels; `None` if one has none.

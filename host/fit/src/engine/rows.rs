@@ -2,7 +2,7 @@
 
 use nalgebra::DMatrix;
 
-use super::{Engine, Pass, Solved};
+use super::{Engine, MOST_LEVERAGES, Pass, Solved};
 use crate::compensation::{Compensated, NoiseGram, compensate, spread};
 use crate::linearised::Linearised;
 use crate::outliers::Weights;
@@ -10,9 +10,6 @@ use crate::residuals::{raw_sigma, residuals};
 use crate::signal_noise::RowNoise;
 use crate::weighing::Weighing;
 use crate::{BlockResidual, Estimate, Factor, FitError, Noise, RowBlocks, Whitener, parallel};
-
-/// Row blocks of which each one's share of the degrees of freedom is reckoned.
-const MOST_LEVERAGES: usize = 500;
 
 impl Engine<'_> {
     /// Returns the weighing by σ of the channels alone.
@@ -124,7 +121,11 @@ impl Engine<'_> {
         let Solved { about, joint, .. } = self.solve(pass, 1.0);
         let residuals = self.residuals(self.rows_of(pass), &about.values, &pass.weights);
         let fitted = self.fitted_by_channel(pass, &joint);
-        raw_sigma(&*self.blocks, self.source.channels(), &self.measured_rms, &fitted, &residuals)
+        let channels = (self.source.channels(), &*self.source.nominal_sigma());
+        let mut sigma = raw_sigma(&*self.blocks, channels, &self.measured_rms, &fitted, &residuals);
+        let most = self.largest_sigma.iter().flatten();
+        sigma.iter_mut().zip(most).for_each(|(sigma, most)| *sigma = sigma.min(*most));
+        sigma
     }
 
     /// Returns how many degrees of freedom parameters and errors take of the rows: `tr(H⁻¹ AᵀWA)` with H the

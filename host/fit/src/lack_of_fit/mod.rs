@@ -15,6 +15,7 @@ mod noise;
 mod noise_filled;
 mod pose_axes;
 pub mod pose_drift;
+pub mod pose_span;
 pub mod rigidity;
 mod score;
 
