@@ -48,7 +48,7 @@ pub use context::{Context, Finding, Links, StandardRequest};
 pub use contradictions::contradictions;
 pub use judgement::WITHHELD;
 pub use new::AnswerError;
-pub(crate) use plausibility::{lacks_something_of_drives, scaled};
+pub(crate) use plausibility::{lacks_something_of_drives, leaves_little_of_poses, scaled};
 pub use read::ReadError;
 pub use result::{Answer, Drift, DriftChange, Source, Status, TimeBase, Tracking};
 pub use states::identified_of_body;

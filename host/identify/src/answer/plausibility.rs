@@ -107,6 +107,17 @@ fn share(fit: &Fit, number: usize, channel: &ChannelFit) -> Option<[f64; 2]> {
     Some([beyond.max(0.0).sqrt() / varies, most])
 }
 
+/// Returns false of still poses of which the model leaves more of a channel than any noise of a mean: a fault
+/// that leaves as much is not the cause.
+pub(crate) fn leaves_little_of_poses(fit: &Fit) -> bool {
+    let varies = |group: u8| {
+        let group = fit.channels.iter().filter(|other| other.channel.group == group);
+        group.map(|other| other.measured_sd).fold(0.0, f64::max)
+    };
+    let is_explained = |own: &ChannelFit| own.residual_rms <= CROSSED * varies(own.channel.group);
+    fit.filter.width_s > 0.0 || fit.channels.iter().all(is_explained)
+}
+
 /// Residuals of efforts whose autocorrelation makes intervals this many times as wide are no noise.
 const NO_NOISE: f64 = 2.0;
 

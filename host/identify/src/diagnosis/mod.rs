@@ -17,7 +17,9 @@ pub mod sensors;
 mod tuned;
 
 use crate::answer::result::{Cause, Status};
-use crate::answer::{Answer, Context, Links, StandardRequest, lacks_something_of_drives, scaled};
+use crate::answer::{
+    Answer, Context, Links, StandardRequest, lacks_something_of_drives, leaves_little_of_poses, scaled,
+};
 use crate::problem::{Problem, ProblemOptions, Subject};
 use rigident_fit::explained::{BLOCKS, explained};
 use rigident_fit::{Fit, FitOptions, Progress, RowSource, Silent, parallel};
@@ -330,7 +332,7 @@ fn is_plausible(case: &Case) -> bool {
         let fit = problem.fit(&options, &Silent).ok()?;
         let standard = case.model.as_ref().map(StandardRequest::of);
         let context = Context { links: problem.links(standard), ..Context::default() };
-        Answer::new(&fit, context).ok()
+        Answer::new(&fit, context).ok().filter(|_| leaves_little_of_poses(&fit))
     };
     answer().is_some_and(|answer| matches!(answer.status, Status::Identified | Status::PartlyIdentified))
 }
