@@ -292,7 +292,17 @@ pub fn columns(
 
 /// Returns a column here that several columns of a table mean, with their names; `None` if there is none.
 pub fn repeated(names: &[String], meanings: &[Option<Meaning>]) -> Option<(String, Vec<String>)> {
-    let known = |k: usize| meanings.get(k)?.as_ref().map(|meaning| meaning.known.as_str());
+    // Before a name there may be that of its group: FP1 - Force Fx, Run1/Fx.
+    let inside = |name: &str| {
+        let (_, own) = name.split_once(" - ").or_else(|| name.split_once('/'))?;
+        meaning(own, None).map(|meaning| meaning.known)
+    };
+    let of = |(k, name): (usize, &String)| {
+        let own = meanings.get(k).and_then(Option::as_ref).map(|meaning| meaning.known.clone());
+        own.or_else(|| inside(name))
+    };
+    let all: Vec<Option<String>> = names.iter().enumerate().map(of).collect();
+    let known = |k: usize| all.get(k)?.as_deref();
     let same = |of: &str| -> Vec<String> {
         let alike = names.iter().enumerate().filter(|(k, _)| known(*k) == Some(of));
         alike.map(|(_, name)| name.clone()).collect()
