@@ -24,6 +24,9 @@ const STANDS_S: f64 = 0.08;
 /// Frames beside one that is dropped are dropped, too, s: when a foot lands is not known better.
 const BESIDE_S: f64 = 0.04;
 
+/// Smoothing plates takes at most this long at either end, s.
+const EDGE_S: f64 = 0.2;
+
 /// Why a frame is not used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Dropped {
@@ -37,8 +40,10 @@ pub enum Dropped {
     LoadElsewhere,
     /// Something that no plate measures pushes.
     Unmeasured,
-    /// No plate is loaded and a foot is on it, or the recording of the plates is at its end.
+    /// The recording of the plates is not there.
     NoForce,
+    /// The recording of the plates begins or ends within the width of their smoothing.
+    Edge,
 }
 
 impl Dropped {
@@ -51,6 +56,7 @@ impl Dropped {
             Self::LoadElsewhere => "a plate is loaded where no foot is",
             Self::Unmeasured => "something that no plate measures pushes",
             Self::NoForce => "the plates recorded nothing",
+            Self::Edge => "so near to the beginning or the end that forces cannot be smoothed",
         }
     }
 }
@@ -95,7 +101,7 @@ pub fn contact(rate_hz: f64, soles: &[Option<KeptSoles>], plates: &[GroundWrench
             return;
         };
         let Some(loads) = loads else {
-            found.dropped[frame] = Some(Dropped::NoForce);
+            found.dropped[frame] = Some(Dropped::Edge);
             return;
         };
         let height = own.iter().flatten().map(|p| p.z).fold(f64::INFINITY, f64::min);
@@ -115,6 +121,7 @@ pub fn contact(rate_hz: f64, soles: &[Option<KeptSoles>], plates: &[GroundWrench
             found.dropped[frame] = Some(reason);
         }
     });
+    name_long_ends(&mut found.dropped, (EDGE_S * rate_hz).ceil() as usize);
     forgive_passing(&mut found.dropped, (STANDS_S * rate_hz).floor() as usize);
     widen(&mut found.dropped, (BESIDE_S * rate_hz).ceil() as usize);
     found
@@ -282,6 +289,14 @@ pub(super) fn is_inside(corners: &[[f64; 3]; 4], point: &Vector3<f64>) -> bool {
     sides.iter().all(|s| *s >= 0.0) || sides.iter().all(|s| *s <= 0.0)
 }
 
+/// Tells where plates recorded nothing for longer than their smoothing takes, of frames without smoothed
+/// forces.
+fn name_long_ends(dropped: &mut [Option<Dropped>], most: usize) {
+    let runs = dropped.chunk_by_mut(|a, b| a == b);
+    let long = runs.filter(|run| run[0] == Some(Dropped::Edge) && run.len() > most);
+    long.for_each(|run| run.fill(Some(Dropped::NoForce)));
+}
+
 /// Keeps frames in which a foot only lands or leaves beside a plate: it is low and slow there for no more
 /// than this many of them.
 fn forgive_passing(dropped: &mut [Option<Dropped>], most: usize) {
@@ -312,6 +327,17 @@ pub fn counts(dropped: &[Option<Dropped>]) -> BTreeMap<Dropped, usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn frames_at_the_ends_are_not_called_frames_without_forces() {
+        // 100 frames a second: 12 frames at either end, and a second without a recording.
+        let edge = Some(Dropped::Edge);
+        let mut dropped = [vec![edge; 12], vec![None; 50], vec![edge; 100]].concat();
+        name_long_ends(&mut dropped, 20);
+        let counts = counts(&dropped);
+        assert_eq!((counts[&Dropped::Edge], counts[&Dropped::NoForce]), (12, 100));
+        assert_eq!(dropped[0], edge);
+    }
 
     #[test]
     fn a_point_beside_a_plate_is_not_above_it() {
