@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 use super::page::escape;
 use super::table::printable;
 use rigident_fit::figures::significant;
-use rigident_identify::answer::person::{PersonResult, SegmentResult, TrialResult};
+use rigident_identify::answer::person::{PersonResult, SegmentResult, TrialResult, UnmeasuredContact};
 use rigident_model::human::Person;
 
 /// Pixels of a metre.
@@ -16,6 +16,14 @@ const SCALE: f64 = 240.0;
 const WIDTH: f64 = 520.0;
 /// Width of a line as thick as the segment is heavy: pixels over √kg.
 const THICK: f64 = 4.5;
+/// Names are so far beside the arms, pixels.
+const BESIDE: f64 = 14.0;
+/// Height of a line of text, and the width of a letter at most, pixels of the drawing: on a telephone letters
+/// are larger.
+const LINE: f64 = 17.0;
+const LETTER: f64 = 8.5;
+/// A time line is so far from either edge, pixels.
+const EDGE: f64 = 8.0;
 
 /// Where a link begins in somebody upright, and the link that follows it, m.
 type Ends = (Vector3<f64>, Option<Vector3<f64>>);
@@ -45,6 +53,9 @@ pub(super) fn drawn(found: &PersonResult) -> String {
     let (mut lines, mut ellipses, mut names) = (String::new(), String::new(), String::new());
     let lowest = joints.values().map(|(at, _)| at.z).fold(f64::INFINITY, f64::min) - 0.1;
     let highest = joints.values().map(|(at, _)| at.z).fold(f64::NEG_INFINITY, f64::max) + 0.28;
+    // Names are beside the arms, on either side one below the other.
+    let beside = SCALE * joints.values().map(|(at, _)| at.y.abs()).fold(0.0, f64::max) + BESIDE;
+    let mut labels = [Vec::new(), Vec::new()];
     // She faces the reader: her left is on the right.
     let on = |p: &Vector3<f64>| [WIDTH / 2.0 + SCALE * p.y, SCALE * (highest - p.z)];
     for segment in &found.segments {
@@ -71,10 +82,11 @@ pub(super) fn drawn(found: &PersonResult) -> String {
                 "<ellipse class=\"centre\" cx=\"{cx:.1}\" cy=\"{cy:.1}\" rx=\"{rx:.1}\" ry=\"{ry:.1}\"/>\
                  <circle class=\"centre\" cx=\"{cx:.1}\" cy=\"{cy:.1}\" r=\"2\"/>\n"
             ));
-            let (x, anchor) = if cx > WIDTH / 2.0 { (cx + 34.0, "start") } else { (cx - 34.0, "end") };
+            let (sign, anchor) = if cx > WIDTH / 2.0 { (1.0, "start") } else { (-1.0, "end") };
+            let y = free(&mut labels[usize::from(sign < 0.0)], cy + 4.0);
             names.push_str(&format!(
-                "<text class=\"{anchor}\" x=\"{x:.1}\" y=\"{:.1}\">{}</text>\n",
-                cy + 4.0,
+                "<text class=\"{anchor}\" x=\"{:.1}\" y=\"{y:.1}\">{}</text>\n",
+                WIDTH / 2.0 + sign * beside,
                 escape(&words(segment))
             ));
         }
@@ -87,6 +99,15 @@ pub(super) fn drawn(found: &PersonResult) -> String {
          Grey: the table's alone.</figcaption></figure>\n",
         SCALE * (highest - lowest)
     )
+}
+
+/// Returns the height of a line of text at a height or the next below that is free, and takes it.
+fn free(taken: &mut Vec<f64>, mut y: f64) -> f64 {
+    while let Some(other) = taken.iter().find(|other| (**other - y).abs() < LINE) {
+        y = other + LINE;
+    }
+    taken.push(y);
+    y
 }
 
 fn words(segment: &SegmentResult) -> String {
@@ -110,34 +131,94 @@ pub(super) fn time_lines(found: &PersonResult) -> String {
     )
 }
 
-fn time_line(trial: &TrialResult) -> String {
-    const HIGH: f64 = 52.0;
-    let end_s = (trial.frames as f64 / trial.rate_hz).max(f64::MIN_POSITIVE);
-    let x = |time_s: f64| 8.0 + (WIDTH - 16.0) * (time_s / end_s).clamp(0.0, 1.0);
-    let contact = |c: &rigident_identify::answer::person::UnmeasuredContact| {
-        let [from, to] = c.times_s.map(x);
-        let force = Vector3::from(c.force_n).norm();
+/// A label of a time line: where it is anchored and how, its row, and its words.
+struct Label {
+    x: f64,
+    class: &'static str,
+    row: usize,
+    words: String,
+}
+
+/// Returns the labels of contacts, none beyond the edges, and none over another one.
+fn labels(trial: &TrialResult, x: &dyn Fn(f64) -> f64) -> Vec<Label> {
+    let mut ends: Vec<f64> = Vec::new();
+    let label = |c: &UnmeasuredContact| {
         let near = c.near.as_deref().map_or_else(String::new, |near| format!(", {}", near.replace('_', " ")));
+        let words = format!("{} N{near}", significant(Vector3::from(c.force_n).norm(), 2));
+        let half = LETTER * words.chars().count() as f64 / 2.0;
+        let [from, to] = c.times_s.map(x);
+        let middle = (from + to) / 2.0;
+        let (x, class, first) = if middle + half > WIDTH - EDGE {
+            (WIDTH - EDGE, "end", WIDTH - EDGE - 2.0 * half)
+        } else if middle - half < EDGE {
+            (EDGE, "start", EDGE)
+        } else {
+            (middle, "mid", middle - half)
+        };
+        let row = ends.iter().position(|end| *end < first).unwrap_or(ends.len());
+        ends.resize(ends.len().max(row + 1), 0.0);
+        ends[row] = first + 2.0 * half;
+        Label { x, class, row, words }
+    };
+    trial.unmeasured.iter().map(label).collect()
+}
+
+fn time_line(trial: &TrialResult) -> String {
+    let end_s = (trial.frames as f64 / trial.rate_hz).max(f64::MIN_POSITIVE);
+    let x = |time_s: f64| EDGE + (WIDTH - 2.0 * EDGE) * (time_s / end_s).clamp(0.0, 1.0);
+    let labels = labels(trial, &x);
+    let bar = LINE * (1.0 + labels.iter().map(|own| own.row).max().unwrap_or(0) as f64) + 4.0;
+    let below = bar + 14.0 + LINE;
+    let rect = |class: &str, from: f64, wide: f64| {
         format!(
-            "<rect class=\"pushed\" x=\"{from:.1}\" y=\"20\" width=\"{:.1}\" height=\"14\"/><text \
-             class=\"mid\" x=\"{:.1}\" y=\"14\">{} N{}</text>\n",
-            (to - from).max(1.0),
-            (from + to) / 2.0,
-            significant(force, 2),
-            escape(&near)
+            "<rect class=\"{class}\" x=\"{from:.1}\" y=\"{bar:.1}\" width=\"{wide:.1}\" height=\"14\"/>\n"
         )
     };
-    let marks: String = trial.unmeasured.iter().map(contact).collect();
+    let text = |class: &str, x: f64, y: f64, words: &str| {
+        format!("<text class=\"{class}\" x=\"{x:.1}\" y=\"{y:.1}\">{}</text>\n", escape(words))
+    };
+    let pushed = |c: &UnmeasuredContact| {
+        let [from, to] = c.times_s.map(x);
+        rect("pushed", from, (to - from).max(1.0))
+    };
+    let marks: String = trial.unmeasured.iter().map(pushed).collect();
+    let words: String = labels
+        .iter()
+        .map(|own| text(own.class, own.x, bar - 6.0 - LINE * own.row as f64, &own.words))
+        .collect();
     format!(
-        "<figure><svg viewBox=\"0 0 {WIDTH} {HIGH}\" role=\"img\" aria-label=\"Time line of \
-         contacts\">\n<rect class=\"whole-time\" x=\"8\" y=\"20\" width=\"{:.1}\" \
-         height=\"14\"/>\n{marks}<text x=\"8\" y=\"{:.1}\">0</text><text class=\"end\" x=\"{:.1}\" \
-         y=\"{:.1}\">{} s</text></svg><figcaption>{}</figcaption></figure>\n",
-        WIDTH - 16.0,
-        HIGH - 4.0,
-        WIDTH - 8.0,
-        HIGH - 4.0,
-        significant(end_s, 3),
+        "<figure class=\"times\"><svg viewBox=\"0 0 {WIDTH} {:.0}\" role=\"img\" aria-label=\"Time line of \
+         contacts\">\n{}{marks}{words}{}{}</svg><figcaption>{}</figcaption></figure>\n",
+        below + 5.0,
+        rect("whole-time", EDGE, WIDTH - 2.0 * EDGE),
+        text("start", EDGE, below, "0"),
+        text("end", WIDTH - EDGE, below, &format!("{} s", significant(end_s, 3))),
         escape(&printable(&trial.name))
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn labels_of_a_time_line_stay_inside_and_apart() {
+        let contact = |from: f64, to: f64| UnmeasuredContact {
+            times_s: [from, to],
+            force_n: [0.0, 0.0, 365.0],
+            most_n: 500.0,
+            near: Some("pelvis".to_owned()),
+        };
+        let trial = TrialResult {
+            frames: 860,
+            rate_hz: 100.0,
+            unmeasured: vec![contact(0.09, 0.3), contact(0.5, 0.9), contact(8.2, 8.51)],
+            ..TrialResult::default()
+        };
+        let x = |time_s: f64| EDGE + (WIDTH - 2.0 * EDGE) * time_s / 8.6;
+        let found = labels(&trial, &x);
+        assert_eq!(found.iter().map(|own| own.class).collect::<Vec<_>>(), ["start", "start", "end"]);
+        assert_eq!(found.iter().map(|own| own.row).collect::<Vec<_>>(), [0, 1, 0]);
+        assert_eq!(found[2].x, WIDTH - EDGE);
+    }
 }
