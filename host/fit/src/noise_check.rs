@@ -26,8 +26,8 @@ pub struct Judgement {
     pub variance_scale: f64,
 }
 
-/// Degrees of freedom that the noise of a channel needs to be that channel's own; what it lacks it borrows from
-/// the other channels, forces and moments apart.
+/// Degrees of freedom that the noise of a channel needs to be that channel's own; what it lacks it borrows
+/// from the other channels, forces and moments apart.
 pub(super) const OWN_FREEDOM: f64 = 4.0;
 
 /// Noise is far from what is stated if it is this many times larger or smaller.

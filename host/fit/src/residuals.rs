@@ -146,8 +146,8 @@ fn borrowed(shown: &[Shown], channels: &[Channel], nominal: &[f64]) -> Vec<f64> 
 mod tests {
     use super::*;
 
-    /// Of six channels one has no freedom and hardly a residual, one a little; forces have ten times the noise
-    /// of moments, as is nominal. A channel with enough freedom has its own noise, to the last bit.
+    /// Of six channels one has no freedom and hardly a residual, one a little; forces have ten times the
+    /// noise of moments, as is nominal. A channel with enough freedom has its own noise, to the last bit.
     #[test]
     fn channels_without_freedom_borrow_their_noise() {
         let channel = |name: &str| Channel {

@@ -8,8 +8,8 @@ use crate::lack_of_fit::pose_span::largest_variance;
 
 impl Engine<'_> {
     /// Returns the largest σ of each channel of still poses whose errors of the load cell are estimated, by
-    /// the scatter about every linear model: residuals beyond it are no noise, and count against what is known
-    /// of the errors. `None` of anything else.
+    /// the scatter about every linear model: residuals beyond it are no noise, and count against what is
+    /// known of the errors. `None` of anything else.
     pub(super) fn largest_sigma(&self) -> Option<Vec<f64>> {
         let (blocks, channels, n) = (&self.blocks, self.source.channels(), self.parameters);
         let of_cell = |effect: &Effect| matches!(effect, Effect::Gain { .. } | Effect::CrossTalk { .. });

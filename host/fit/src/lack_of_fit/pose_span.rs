@@ -69,7 +69,7 @@ mod tests {
             let measured: Vec<_> = (0..3)
                 .map(|c| DVector::from_fn(12, |k, _| exact[(k, c)] + 0.1 * k as f64 + sigma[c] * draw()))
                 .collect();
-            let found = largest_variance(&[gravity.clone()], &measured, &["N"; 3]);
+            let found = largest_variance(std::slice::from_ref(&gravity), &measured, &["N"; 3]);
             below += found.iter().zip(sigma).filter(|(found, sigma)| **found < sigma * sigma).count();
             assert!(found[0].sqrt() < 20.0 * sigma[0], "{found:?}");
             let few: Vec<_> = measured.iter().map(|own| own.rows(0, 5).into_owned()).collect();

@@ -1,9 +1,9 @@
 //! Scales and signs that no recording of this kind shows: the answer rests on them, and says so once.
 //!
-//! A gain that all channels of the load cell share multiplies mass and tensor and moves no residual, one that
-//! its moments share centre of mass and tensor; a scale of the accelerometer divides them; reversed moments of
-//! still poses mirror the centre of mass. Each has the size that is counted in the intervals, or none where
-//! nothing of it is counted.
+//! A gain that all channels of the load cell share multiplies mass and tensor and moves no residual, one
+//! that its moments share centre of mass and tensor; a scale of the accelerometer divides them; reversed
+//! moments of still poses mirror the centre of mass. Each has the size that is counted in the intervals, or
+//! none where nothing of it is counted.
 
 use super::result::Reliance;
 use rigident_fit::figures::significant;

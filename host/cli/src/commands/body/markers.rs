@@ -11,7 +11,7 @@ use crate::{ExitStatus, Failure};
 use rigident::application;
 use rigident::model::human::Person;
 use rigident::people::inverse_kinematics::landmarks::{Place, places};
-use rigident::people::inverse_kinematics::marker_sets::{bare_segments, likeness};
+use rigident::people::inverse_kinematics::marker_sets::{Likeness, bare_segments, likeness};
 use rigident_io::motion_capture::trial::Trial;
 use rigident_io::recording::new_file::write_new_text;
 
@@ -70,22 +70,7 @@ pub(crate) fn run(arguments: &BodyMarkers) -> Result<ExitCode, Failure> {
             None => say(format_args!("{label}: not known{partly}")),
         }
     }
-    match &set {
-        Some(set) if set.missing.is_empty() => {
-            say(format_args!("{}: all of its {} markers", set.set, set.of))
-        }
-        Some(set) => say(format_args!(
-            "{}: {} of its {} markers; {} missing",
-            set.set,
-            set.found,
-            set.of,
-            set.missing.join(", ")
-        )),
-        None => say("no set of markers that is known by its names"),
-    }
-    if let Some(set) = set.as_ref().filter(|set| !set.alike.is_empty()) {
-        say(format_args!("{} fits as well", set.alike.join(", ")));
-    }
+    say_set(set.as_ref());
     for (segment, found, least) in &bare {
         say(format_args!("{segment}: {found} of the {least} markers that it takes"));
     }
@@ -99,6 +84,26 @@ pub(crate) fn run(arguments: &BodyMarkers) -> Result<ExitCode, Failure> {
         ));
     }
     Ok(ExitStatus::of(bare.is_empty()).into())
+}
+
+/// Says which set the markers are of.
+fn say_set(set: Option<&Likeness>) {
+    match set {
+        Some(set) if set.missing.is_empty() => {
+            say(format_args!("{}: all of its {} markers", set.set, set.of))
+        }
+        Some(set) => say(format_args!(
+            "{}: {} of its {} markers; {} missing",
+            set.set,
+            set.found,
+            set.of,
+            set.missing.join(", ")
+        )),
+        None => say("no set of markers that is known by its names"),
+    }
+    if let Some(set) = set.filter(|set| !set.alike.is_empty()) {
+        say(format_args!("{} fits as well", set.alike.join(", ")));
+    }
 }
 
 /// Writes the page that plays a trial.

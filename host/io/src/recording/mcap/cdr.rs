@@ -8,7 +8,7 @@ pub enum CdrError {
     Encoding(u16),
     /// The message is packed by itself.
     #[error(
-        "the message is packed (zstd), as `ros2 bag record` does with --compression-mode message: give the \
+        "the message is packed by itself (zstd), as ROS 2 records in its compression mode `message`: give the \
          folder of the bag with its metadata.yaml"
     )]
     Packed,

@@ -28,7 +28,8 @@ pub(super) struct Refined {
     pub(super) found: Found,
     /// Geometric mean over the channels of the share of the variance that is left.
     pub(super) left: f64,
-    /// The same for as many independent readings as they are worth; infinite of fewer than there are unknowns.
+    /// The same for as many independent readings as they are worth; infinite of fewer than there are
+    /// unknowns.
     pub(super) corrected: f64,
     /// Geometric mean over the channels of what is left to what noise makes.
     pub(super) over_noise: f64,

@@ -180,7 +180,7 @@ fn run(seed: u64, clock: Clock, repeats: bool, same_body: bool) -> Run {
 }
 
 impl Run {
-    /// Leaves so many seconds in which both run, at 30 s of the wrench's clock.
+    /// Leaves this number of seconds in which both run, at 30 s of the wrench's clock.
     fn cut(&mut self, common_s: f64) {
         let seconds = |ns: &i64| *ns as f64 * 1e-9;
         let clock = self.clock;
@@ -319,14 +319,14 @@ fn a_clock_that_is_found_is_set_and_said_first() {
     let late =
         after.time_ns.iter().enumerate().map(|(k, ns)| (*ns as f64 * 1e-9 - at(k)).abs()).fold(0.0, f64::max);
     assert!(late < 3e-3, "{late}");
-    // The zero of its stamps is told by the wrench's clock, which begins at 1000 s.
+    // The zero of its stamps is stated by the wrench's clock, which begins at 1000 s.
     let mut late = self::run(3, clock, false, true);
     late.set.streams[0].stamped.begin_s = 1000.0;
     late.set.settle(true).unwrap();
     let zero_s = 1000.0 - 123.456 - 1010.0;
     let said = &late.set.warnings[0];
-    let told = said.split("its t_s = 0 is at ").nth(1).and_then(|rest| rest.split(' ').next());
-    assert!((told.unwrap().parse::<f64>().unwrap() - zero_s).abs() < 0.05, "{said}");
+    let stated = said.split("its t_s = 0 is at ").nth(1).and_then(|rest| rest.split(' ').next());
+    assert!((stated.unwrap().parse::<f64>().unwrap() - zero_s).abs() < 0.05, "{said}");
     assert!(said.contains("s of the wrench's clock") && said.contains("clock_offset_s = "), "{said}");
     // Done once.
     run.set.settle(true).unwrap();
