@@ -157,9 +157,14 @@ impl Tare {
         let both = fit.rows();
         let rows = both.beyond(&self.rows(), &map, &own).rows;
         let body = rows.own();
+        let before = fit.estimate.covariance.clone();
         let noise = fit.estimate.noise.less_certain(self.fit.estimate.noise);
         let estimate = Estimate::new(&body, fit.rounding.max(self.fit.rounding), 1.0, noise);
         fit.estimate = estimate.beside(std::slice::from_ref(&rows));
+        // Errors in common move with both runs, and the fixture's part is not to be taken apart.
+        if fit.nuisances.is_empty() {
+            fit.added.push(("fixture".to_owned(), &fit.estimate.covariance - before));
+        }
         let by_errors = &fit.estimate.covariance * rows.beforehand_in_scores();
         for found in &mut fit.nuisances {
             let own = both.errors().iter().find(|error| error.name == found.nuisance.name);

@@ -164,6 +164,7 @@ pub(super) fn improvement(budget: &[Budget]) -> Option<String> {
         | "gyro bias" => "calibrate the IMU, or state what its calibration says",
         "lever arm" | "IMU rotation" => "measure where the IMU sits, or state how well that is known",
         KNOWN => "know it better beforehand",
+        "fixture" => "record the bare fixture for longer",
         "clocks" => "record all sensors with one clock",
         _ => "state in the rig file how small it is",
     };
