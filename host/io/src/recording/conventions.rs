@@ -311,6 +311,14 @@ pub fn repeated(names: &[String], meanings: &[Option<Meaning>]) -> Option<(Strin
     all.find(|(known, same)| known != "t_s" && same.len() > 1)
 }
 
+/// Says that a time is in no form that is known.
+pub fn unknown_time(column: &str, cell: &str) -> String {
+    format!(
+        "the form of the time in column {column} is not known: {cell:?}; write it in s, or as in 2026-12-31 \
+         10:12:33.5"
+    )
+}
+
 /// Returns names in quotes, with "and" between them.
 pub fn either(names: &[String]) -> String {
     names.iter().map(|name| format!("{name:?}")).collect::<Vec<_>>().join(" and ")

@@ -250,10 +250,7 @@ pub enum Undecided {
     #[error("the unit of {} is written nowhere", .0.join(", "))]
     Units(Vec<String>),
     /// Times in a form that is not known.
-    #[error(
-        "the form of the time in column {column} is not known: {cell:?}; write it in s, or as in 2026-12-31 \
-         10:12:33.5"
-    )]
+    #[error("{}", conventions::unknown_time(.column, .cell))]
     TimeForm {
         /// The column.
         column: String,

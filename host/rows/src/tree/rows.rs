@@ -35,7 +35,7 @@ pub struct RowMaker {
     /// columns; `None` where these are the same.
     leads: Vec<usize>,
     mix: Option<DMatrix<f64>>,
-    /// What the nominal bodies have beside their base parameters: nothing in any row, but in those of a base
+    /// The part of the nominal bodies beside their base parameters: in no row but those of a base
     /// that is tilted.
     unseen: Vec<f64>,
     /// Room for the entries of a row in the columns of `leads`.

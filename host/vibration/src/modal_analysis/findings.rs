@@ -209,6 +209,11 @@ fn counted(shift: f64, shift_sd: f64) -> &'static str {
 }
 
 impl Finding {
+    /// Returns true if a frequency changes during the decay.
+    pub fn is_change(&self) -> bool {
+        matches!(self, Self::LargeAmplitude { .. } | Self::FrequencyShift { .. })
+    }
+
     /// Returns how much it weighs.
     pub fn severity(&self) -> Severity {
         match self {

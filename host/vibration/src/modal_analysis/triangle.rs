@@ -64,7 +64,12 @@ impl Samples {
 
     /// Returns the same samples with other poles that are known to be in them.
     pub(super) fn holding(&self, held: Vec<Held>) -> Self {
-        Self { held, ..self.clone() }
+        Self { rate_hz: self.rate_hz, y: self.y.clone(), held }
+    }
+
+    /// Returns the poles that are searched, then those that are held.
+    fn with_held<'a>(&'a self, poles: &'a [Pole]) -> impl Iterator<Item = &'a Pole> {
+        poles.iter().chain(self.held.iter().map(|own| &own.pole))
     }
 
     pub(super) fn duration_s(&self) -> f64 {
@@ -81,7 +86,8 @@ impl Samples {
     }
 
     pub(super) fn part(&self, first: usize, rows: usize) -> Self {
-        Self { y: self.y.rows(first, rows).into_owned(), ..self.holding(self.held.clone()) }
+        let y = self.y.rows(first, rows).into_owned();
+        Self { rate_hz: self.rate_hz, y, held: self.held.clone() }
     }
 
     /// Returns the root mean square of each channel.
@@ -136,7 +142,7 @@ fn fill(stacked: &mut DMatrix<f64>, row: usize, samples: &Samples, sample: usize
     let held = samples.held.len();
     let (derivatives, last) = (linear(poles.len(), held), all(poles.len(), held));
     stacked[(row, 0)] = 1.0;
-    for (r, pole) in poles.iter().chain(samples.held.iter().map(|own| &own.pole)).enumerate() {
+    for (r, pole) in samples.with_held(poles).enumerate() {
         let size = (-pole.decay * t).exp();
         let (sine, cosine) = (pole.angular * t).sin_cos();
         stacked[(row, 1 + 2 * r)] = size * cosine;
@@ -160,7 +166,7 @@ pub(super) fn residuals(samples: &Samples, poles: &[Pole], amplitudes: &DMatrix<
         for channel in 0..channels {
             left[(sample, channel)] -= amplitudes[(0, channel)];
         }
-        for (r, pole) in poles.iter().chain(samples.held.iter().map(|own| &own.pole)).enumerate() {
+        for (r, pole) in samples.with_held(poles).enumerate() {
             let size = (-pole.decay * t).exp();
             let (sine, cosine) = (pole.angular * t).sin_cos();
             for channel in 0..channels {

@@ -56,10 +56,8 @@ impl Vibration {
         let first = |of: &dyn Fn(&Finding) -> bool| {
             self.modes.findings.iter().find(|finding| of(finding)).map(ToString::to_string)
         };
-        let is_change =
-            |f: &Finding| matches!(f, Finding::LargeAmplitude { .. } | Finding::FrequencyShift { .. });
-        let changes = first(&is_change);
-        let too_large = first(&|f| is_change(f) && f.severity() == Severity::Error);
+        let changes = first(&Finding::is_change);
+        let too_large = first(&|f| f.is_change() && f.severity() == Severity::Error);
         let lacks = first(&|f| matches!(f, Finding::MissingModes { .. } | Finding::TooClose { .. }));
         // Two modes that are taken for one seem to change their frequency, as one decays faster, and leave a
         // line beside it.

@@ -414,8 +414,10 @@ impl<'a> Problem<'a> {
             }
         }
         // Without any weight yet, springs hold a pendulum's mode by nothing.
-        let floor = DMatrix::from_diagonal_element(q.nrows(), q.nrows(), LEAST * q.diagonal().amax());
-        Cholesky::new(q.clone()).or_else(|| Cholesky::new(q + floor))
+        Cholesky::new(q.clone()).or_else(|| {
+            let floor = LEAST * q.diagonal().amax();
+            Cholesky::new(q.clone() + DMatrix::from_diagonal_element(q.nrows(), q.nrows(), floor))
+        })
     }
 
     /// Returns all six coordinates of a displacement.

@@ -1,4 +1,5 @@
-//! Where the free decay of a recording begins: after its release, and where its amplitude is small enough.
+//! Finds where the free decay of a recording begins: after its release, and where its amplitude is small
+//! enough.
 
 use nalgebra::DMatrix;
 
@@ -41,11 +42,9 @@ pub(super) fn later(
     modes: &Modes,
     identify: impl Fn(&DMatrix<f64>) -> Result<Modes, ModalError>,
 ) -> Option<(usize, Modes)> {
-    let is_nonlinear = |finding: &Finding| match finding {
-        Finding::LargeAmplitude { .. } | Finding::FrequencyShift { .. } | Finding::TooClose { .. } => {
-            finding.severity() == Severity::Error
-        }
-        _ => false,
+    let is_nonlinear = |finding: &Finding| {
+        let may_be = finding.is_change() || matches!(finding, Finding::TooClose { .. });
+        may_be && finding.severity() == Severity::Error
     };
     if !modes.findings.iter().any(is_nonlinear) {
         return None;

@@ -30,8 +30,8 @@ pub enum BodyCommand {
 /// `rigident body markers`
 #[derive(Args, Debug, Clone)]
 #[command(after_help = "Sets that are recognised by their names: Plug-in Gait, CGM2, CGM2.3, Qualisys \
-                  Sports, IOR, Visual3D, BTS Davis, OpenCap's anatomical markers, and keypoints of OpenPose, Theia and OpenCap, which are \
-                  joint centres. What is not known is named in a file for --markers of body \
+                  Sports, IOR, Visual3D, BTS Davis, OpenCap's anatomical markers, and keypoints of OpenPose, \
+                  Theia and OpenCap, which are joint centres. What is not known is named in a file for --markers of body \
                   identify.\n\nExit status 0 if every segment has its markers, 1 if one has not, 2 if a file \
                   cannot be read.\n\nExamples:\n  rigident body markers walk.c3d --page walk.html\n  \
                   rigident body markers walk.trc --json")]

@@ -38,7 +38,7 @@ pub struct Stream {
     pub rate_hz: f64,
     /// Rows that are not used.
     pub discarded: usize,
-    /// How its times were made of its stamps.
+    /// The way in which its times were made of its stamps.
     pub stamped: Stamped,
 }
 

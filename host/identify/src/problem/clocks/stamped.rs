@@ -1,6 +1,6 @@
-//! How the times of a stream were made of the stamps of its file.
+//! Holds the way in which the times of a stream were made of the stamps of its file.
 
-/// How a stream's times were made of its stamps: `offset_s + rate t_s − begin_s`.
+/// The way in which a stream's times were made of its stamps: `offset_s + rate t_s − begin_s`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stamped {
     /// The clock that the rig file states.

@@ -27,11 +27,7 @@ impl Reader<'_> {
         let is_clock = |k: usize| self.clocks.contains(&k);
         let columns = conventions::columns(header, &meanings, is_clock).map_err(|without| {
             if let Some((column, cell)) = self.strange_time(header, &meanings) {
-                return self.columns_error(format!(
-                    "the form of the time in column {column} is not known: {:?}; write it in s, or as in \
-                     2026-12-31 10:12:33.5",
-                    shorten(cell)
-                ));
+                return self.columns_error(conventions::unknown_time(column, &shorten(cell)));
             }
             let first = without.first().map_or("Fx", String::as_str);
             let of_first = conventions::meaning(first, None);

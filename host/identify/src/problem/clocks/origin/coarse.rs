@@ -130,13 +130,13 @@ impl<'a> Search<'a> {
     }
 }
 
-/// How well a stream agrees with the wrench at an offset.
+/// The agreement of a stream with the wrench at an offset.
 #[derive(Clone, Copy, Debug)]
 struct Agreement {
     offset_s: f64,
     /// Mean square of the correlations.
     score: f64,
-    /// The same, times the readings that they have in common.
+    /// The mean square times the readings that they have in common.
     evidence: f64,
     /// They have much of the shorter one in common.
     is_long: bool,
