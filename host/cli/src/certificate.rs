@@ -59,8 +59,17 @@ fn state(table: &mut CertificateTable, stated: &[String]) -> Result<(), Failure>
 }
 
 /// Returns the files that an answer rests on: the recording, or all in its folder, those that its rig file
-/// lists, and the rig file.
-pub(crate) fn evidence(recording: &Path, rig: Option<&Path>) -> Vec<PathBuf> {
+/// lists, and the rig file; and the same of each tare.
+pub(crate) fn evidence(recording: &Path, rig: Option<&Path>, tare: &[PathBuf]) -> Vec<PathBuf> {
+    let recordings = std::iter::once(recording).chain(tare.iter().map(PathBuf::as_path));
+    let mut files: Vec<PathBuf> = recordings.flat_map(|recording| of_recording(recording, rig)).collect();
+    files.retain(|file| file.is_file());
+    files.sort();
+    files.dedup();
+    files
+}
+
+fn of_recording(recording: &Path, rig: Option<&Path>) -> Vec<PathBuf> {
     let mut files = if recording.is_dir() { in_folder(recording) } else { vec![recording.to_owned()] };
     let beside = rig.map_or_else(|| rig_path(recording), Path::to_owned);
     let listing = [Some(recording), Some(beside.as_path())].into_iter().flatten();
@@ -70,9 +79,6 @@ pub(crate) fn evidence(recording: &Path, rig: Option<&Path>) -> Vec<PathBuf> {
         files.extend(streams.iter().map(|stream| folder.join(&stream.file)));
     }
     files.push(beside);
-    files.retain(|file| file.is_file());
-    files.sort();
-    files.dedup();
     files
 }
 
@@ -194,10 +200,12 @@ mod tests {
         for name in ["a.csv", "a.rig.toml", "force.csv", "other.txt"] {
             std::fs::write(at(name), "").unwrap();
         }
-        assert_eq!(evidence(&at("a.csv"), None), [at("a.csv"), at("a.rig.toml")]);
+        assert_eq!(evidence(&at("a.csv"), None, &[]), [at("a.csv"), at("a.rig.toml")]);
+        let with_tare = evidence(&at("a.csv"), None, &[at("other.txt")]);
+        assert_eq!(with_tare, [at("a.csv"), at("a.rig.toml"), at("other.txt")]);
         let listing = "[[stream]]\nfile = \"force.csv\"\n";
         std::fs::write(at("run.rig.toml"), listing).unwrap();
-        assert_eq!(evidence(&at("run.rig.toml"), None), [at("force.csv"), at("run.rig.toml")]);
-        assert_eq!(evidence(&at("none.csv"), None), [] as [PathBuf; 0]);
+        assert_eq!(evidence(&at("run.rig.toml"), None, &[]), [at("force.csv"), at("run.rig.toml")]);
+        assert_eq!(evidence(&at("none.csv"), None, &[]), [] as [PathBuf; 0]);
     }
 }

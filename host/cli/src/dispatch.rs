@@ -170,7 +170,7 @@ pub(crate) fn dispatch(command: Option<Command>) -> Result<ExitCode, Failure> {
         Some(Command::Identify(a)) => commands::identify::of_words(a),
         Some(Command::Replay(mut a)) => {
             a.recording = named(a.recording);
-            a.output.evidence = certificate::evidence(&a.recording, a.rig.as_deref());
+            a.output.evidence = certificate::evidence(&a.recording, a.rig.as_deref(), &a.tare.tare);
             commands::replay::run(&a)
         }
         Some(Command::Watch(mut a)) => {
@@ -186,7 +186,7 @@ pub(crate) fn dispatch(command: Option<Command>) -> Result<ExitCode, Failure> {
         Some(Command::Factor(a)) => commands::factor::make(&a),
         Some(Command::Merge(a)) => commands::merge::merge(&a),
         Some(Command::Solve(mut a)) => {
-            a.output.evidence = certificate::evidence(&a.factor, a.rig.as_deref());
+            a.output.evidence = certificate::evidence(&a.factor, a.rig.as_deref(), &a.tare.tare);
             commands::factor::solve(&a)
         }
         Some(Command::Ports(a)) => commands::ports::run(&a),

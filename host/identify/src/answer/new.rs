@@ -21,7 +21,7 @@ use super::{
     budget, contradictions, drive_signs, excitation_advice, load, plausibility, reliance, remarks, rig_errors,
 };
 use rigident_fit::figures::shortened;
-use rigident_fit::{Basis, ChannelFit, Fit, NuisanceFit};
+use rigident_fit::{Basis, COVERAGE_95, ChannelFit, Fit, NuisanceFit};
 use rigident_io::rig::{BodyTable, TruthTable};
 use rigident_model::inertial::impossibility;
 use rigident_model::{ModelError, ModelLink};
@@ -108,6 +108,7 @@ impl Answer {
             rejected_rows: fit.counts.rejected,
             forgotten: forgotten(fit),
             condition_number: Some(fit.estimate.condition_number).filter(|c| c.is_finite()),
+            coverage_factor: Some(fit.estimate.coverage_factor()).filter(|k| *k > COVERAGE_95),
             notes: context.notes.clone(),
             warnings: context.warnings.clone(),
             ..Self::default()

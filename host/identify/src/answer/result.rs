@@ -145,6 +145,10 @@ pub struct Answer {
     /// is nothing.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub condition_number: Option<f64>,
+    /// Largest coverage factor of the intervals: Student's, where noise was estimated from few residuals;
+    /// absent where all have the normal distribution's 1.96.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub coverage_factor: Option<f64>,
     /// Noise and residuals of each measured quantity, in the order of the rows.
     pub channels: Vec<Channel>,
     /// Root mean square of the filtered residuals, channel by channel in the channels' units; absent without

@@ -91,7 +91,8 @@ impl Certified<'_> {
                 has_springs || is_there(&cell.calibrated_on),
             ),
         ]);
-        for imu in &self.rig.imu {
+        let imus = if rests_on_imu(answer) { &self.rig.imu[..] } else { &[] };
+        for imu in imus {
             wanted.extend([
                 ("imu.serial", "serial number of the IMU", is_there(&imu.serial)),
                 ("imu.calibrated_on", "calibration of the IMU", is_there(&imu.calibrated_on)),
@@ -120,10 +121,10 @@ impl Certified<'_> {
         html.push_str(&self.facts(answer));
         html.push_str(&results::html(answer, self.table));
         html.push_str(&drawing::figure(answer, self.rig, self.table.axes.as_deref()));
-        html.push_str(&self.equipment());
+        html.push_str(&self.equipment(answer));
         html.push_str(&results::budget(answer, self.table));
         html.push_str(&self.basis(answer));
-        html.push_str(&self.end(number));
+        html.push_str(&self.end(answer, number));
         html.push_str(END);
         Some(html)
     }
@@ -177,7 +178,7 @@ impl Certified<'_> {
         format!("<table class=\"plainrows\"><tbody>\n{}</tbody></table>\n", rows.concat())
     }
 
-    fn equipment(&self) -> String {
+    fn equipment(&self, answer: &Answer) -> String {
         let mut rows = String::new();
         let mut row =
             |name: &str, serial: Option<&str>, calibrated: Option<&str>, certificate: Option<&str>| {
@@ -194,8 +195,9 @@ impl Certified<'_> {
         if self.rig.suspension.is_none() {
             row("Load cell", cell.serial.as_deref(), cell.calibrated_on.as_deref(), None);
         }
-        for (k, imu) in self.rig.imu.iter().enumerate() {
-            let name = if self.rig.imu.len() == 1 { "IMU".to_owned() } else { format!("IMU {}", k + 1) };
+        let imus = if rests_on_imu(answer) { &self.rig.imu[..] } else { &[] };
+        for (k, imu) in imus.iter().enumerate() {
+            let name = if imus.len() == 1 { "IMU".to_owned() } else { format!("IMU {}", k + 1) };
             row(&name, imu.serial.as_deref(), imu.calibrated_on.as_deref(), None);
         }
         if let Some(calibration) = self.rig.calibrated() {
@@ -246,7 +248,7 @@ impl Certified<'_> {
         )
     }
 
-    fn end(&self, number: &str) -> String {
+    fn end(&self, answer: &Answer, number: &str) -> String {
         let signature = |role: &str, name: &Option<String>| {
             format!(
                 "<div><span class=\"line\"></span>{}<br/><span class=\"soft\">{role}</span></div>",
@@ -255,18 +257,27 @@ impl Certified<'_> {
         };
         format!(
             "<section class=\"statements\"><h2>Statements</h2>\n<ul><li>The results relate only to the part \
-             described here, in the condition in which it was measured.</li><li>Expanded uncertainties are U \
-             = k u with the coverage factor k = 2, about 95 % for a normal distribution; standard \
-             uncertainties were evaluated after JCGM 100.</li><li>What is stated of customer and part is the \
+             described here, in the condition in which it was measured.</li><li>{}</li><li>What is stated of customer and part is the \
              customer's, and the laboratory answers for all else.</li><li>This certificate may be reproduced \
              as a whole only, unless the laboratory agrees in writing.</li></ul>\n\
              <div class=\"signatures\">{}{}</div>\n<p class=\"soft end\">End of certificate \
              {}</p></section>\n",
+            results::Expanded::of(answer).statement(),
             signature("measured by", &self.table.operator),
             signature("authorised by", &self.table.authorised_by),
             escape(number)
         )
     }
+}
+
+/// Returns false where the errors counted are of others than an IMU: gravity was stated, pose by pose.
+fn rests_on_imu(answer: &Answer) -> bool {
+    let of_imu = |group: &str| {
+        matches!(group, "lever arm" | "IMU rotation")
+            || group.starts_with("gyro")
+            || group.starts_with("accelerometer")
+    };
+    answer.errors.is_empty() || answer.errors.iter().any(|error| of_imu(&error.group))
 }
 
 /// Returns the day of a date and time.

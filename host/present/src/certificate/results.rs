@@ -1,4 +1,4 @@
-//! The results of a certificate in the customer's units, with U = 2 u.
+//! The results of a certificate in the customer's units, with their expanded uncertainties.
 
 use rigident_io::rig::CertificateTable;
 
@@ -9,8 +9,56 @@ use crate::quantities::{Group, by_owner, is_body, of_the_body, parameters, princ
 use rigident_fit::figures::{fixed, significant, unit_symbol};
 use rigident_identify::answer::Answer;
 
-/// U95 is this many standard uncertainties, here and in the answer.
+/// Standard uncertainties in U95 of a normal distribution.
 const OF_U95: f64 = 1.96;
+
+/// How the expanded uncertainties of a certificate are made of those of its answer.
+#[derive(Clone, Copy)]
+pub(super) enum Expanded {
+    /// U = 2 u.
+    Twice,
+    /// U95 as it is: noise was estimated from few residuals, and u is smaller by Student's factors, of which
+    /// this is the largest.
+    Student(f64),
+}
+
+impl Expanded {
+    /// Chooses by the coverage factors of the answer.
+    pub(super) fn of(answer: &Answer) -> Self {
+        answer.coverage_factor.filter(|k| *k > COVERAGE_FACTOR).map_or(Self::Twice, Self::Student)
+    }
+
+    fn factor(self) -> f64 {
+        match self {
+            Self::Twice => COVERAGE_FACTOR / OF_U95,
+            Self::Student(_) => 1.0,
+        }
+    }
+
+    fn heading(self) -> &'static str {
+        match self {
+            Self::Twice => "U (k = 2)",
+            Self::Student(_) => "U (95 %)",
+        }
+    }
+
+    /// Returns the statement on the expanded uncertainties.
+    pub(super) fn statement(self) -> String {
+        match self {
+            Self::Twice => {
+                "Expanded uncertainties are U = k u with the coverage factor k = 2, about 95 % for a \
+                            normal distribution; standard uncertainties were evaluated after JCGM 100."
+                    .to_owned()
+            }
+            Self::Student(most) => format!(
+                "Expanded uncertainties U cover 95 %. Noise was estimated from few readings: the coverage \
+                 factor of its part is Student's, k = {}, that of the rest k = 1.96; standard uncertainties \
+                 were evaluated after JCGM 100.",
+                fixed(most, 2)
+            ),
+        }
+    }
+}
 
 /// Returns a factor from an SI unit to the customer's, and the customer's in ASCII.
 fn unit_for<'a>(unit: &'a str, table: &CertificateTable) -> (f64, &'a str) {
@@ -25,14 +73,16 @@ fn unit_for<'a>(unit: &'a str, table: &CertificateTable) -> (f64, &'a str) {
 /// Returns the tables of results.
 pub(super) fn html(answer: &Answer, table: &CertificateTable) -> String {
     let mut html = "<h2>Results</h2>\n".to_owned();
+    let expanded = Expanded::of(answer);
     if !is_body(answer) {
-        by_owner(answer).iter().for_each(|group| html.push_str(&group_table(group, table)));
+        by_owner(answer).iter().for_each(|group| html.push_str(&group_table(group, table, expanded)));
         return html;
     }
     let mass: Vec<Quantity> = parameters(answer).into_iter().filter(|q| q.name == "m").collect();
     html.push_str(&group_table(
         &Group { title: "Mass".to_owned(), quantities: mass, ..Group::default() },
         table,
+        expanded,
     ));
     let (mut about, mut there) = of_the_body(answer);
     about
@@ -42,9 +92,9 @@ pub(super) fn html(answer: &Answer, table: &CertificateTable) -> String {
         group.title = format!("Centre of mass in P, and tensor about the origin of P; P: {}", frame.name);
     }
     html.push_str("<div class=\"tables\">\n");
-    about.iter().chain(&there).for_each(|group| html.push_str(&group_table(group, table)));
+    about.iter().chain(&there).for_each(|group| html.push_str(&group_table(group, table, expanded)));
     html.push_str("</div>\n");
-    html.push_str(&axes(answer, table));
+    html.push_str(&axes(answer, table, expanded));
     html.push_str(
         "<p class=\"soft\">S is the load cell's frame, P the part's. Products of inertia are elements of the \
          tensor: I<sub>xy</sub> = \u{2212}\u{222b} x y dm.</p>\n",
@@ -52,18 +102,19 @@ pub(super) fn html(answer: &Answer, table: &CertificateTable) -> String {
     html
 }
 
-fn group_table(group: &Group, table: &CertificateTable) -> String {
-    let rows: String = group.quantities.iter().map(|quantity| row(quantity, table)).collect();
+fn group_table(group: &Group, table: &CertificateTable, expanded: Expanded) -> String {
+    let rows: String = group.quantities.iter().map(|quantity| row(quantity, table, expanded)).collect();
     format!(
         "<div class=\"scroll\"><table class=\"tight results\"><caption>{}</caption>\n<thead><tr><th \
-         scope=\"col\"></th><th class=\"value\" scope=\"col\">value</th><th scope=\"col\">U (k = 2)</th><th \
+         scope=\"col\"></th><th class=\"value\" scope=\"col\">value</th><th scope=\"col\">{}</th><th \
          scope=\"col\">unit</th></tr></thead>\n\
          <tbody>{rows}</tbody></table></div>\n",
-        escape(&group.title)
+        escape(&group.title),
+        expanded.heading()
     )
 }
 
-fn row(quantity: &Quantity, table: &CertificateTable) -> String {
+fn row(quantity: &Quantity, table: &CertificateTable, expanded: Expanded) -> String {
     let (factor, unit) = unit_for(&quantity.unit, table);
     let name = symbol(&quantity.name);
     let Some(known) = quantity.known() else {
@@ -72,7 +123,7 @@ fn row(quantity: &Quantity, table: &CertificateTable) -> String {
             "<tr><th scope=\"row\">{name}</th><td class=\"none\" colspan=\"3\">{words}</td></tr>\n"
         );
     };
-    let (value, expanded) = parts(factor * known.value, factor * COVERAGE_FACTOR * known.u95 / OF_U95);
+    let (value, expanded) = parts(factor * known.value, factor * expanded.factor() * known.u95);
     let tag = if quantity.state.is_prior_dominated() {
         " <span class=\"tag\">with what was known beforehand</span>"
     } else {
@@ -86,7 +137,7 @@ fn row(quantity: &Quantity, table: &CertificateTable) -> String {
 }
 
 /// Returns the principal moments with their axes in S, as markup.
-fn axes(answer: &Answer, table: &CertificateTable) -> String {
+fn axes(answer: &Answer, table: &CertificateTable, expanded: Expanded) -> String {
     let found = principal(answer);
     if found.is_empty() {
         return String::new();
@@ -94,11 +145,11 @@ fn axes(answer: &Answer, table: &CertificateTable) -> String {
     let row = |axis: &crate::PrincipalAxis| {
         let (factor, unit) = unit_for(&axis.moment.unit, table);
         let moment = axis.moment.known().map_or(axis.moment.missing().to_owned(), |m| {
-            let (value, expanded) = parts(factor * m.value, factor * COVERAGE_FACTOR * m.u95 / OF_U95);
-            format!("{value} ± {expanded} {}", escape(&unit_symbol(unit)))
+            let (value, own) = parts(factor * m.value, factor * expanded.factor() * m.u95);
+            format!("{value} ± {own} {}", escape(&unit_symbol(unit)))
         });
         let direction = if axis.direction_u95_rad.is_finite() {
-            let degrees = (COVERAGE_FACTOR * axis.direction_u95_rad / OF_U95).to_degrees();
+            let degrees = (expanded.factor() * axis.direction_u95_rad).to_degrees();
             let components = axis.axis.map(|c| number(&fixed(c, 3))).join(", ");
             format!("[{components}] ± {}°", number(&significant(degrees, 2)))
         } else {
@@ -139,9 +190,21 @@ mod tests {
             state: ParameterState::Identified(measured),
             truth: None,
         };
-        let shown = row(&quantity, &CertificateTable::default());
+        let shown = row(&quantity, &CertificateTable::default(), Expanded::Twice);
         assert!(shown.contains(">123.0<") && shown.contains("± 2.0<") && shown.contains("kg cm²"), "{shown}");
         let lost = Quantity { state: ParameterState::NotIdentified, ..quantity };
-        assert!(row(&lost, &CertificateTable::default()).contains("not identified"));
+        assert!(row(&lost, &CertificateTable::default(), Expanded::Twice).contains("not identified"));
+    }
+
+    /// Five degrees of freedom: t = 2.571 (JCGM 100:2008, table G.2).
+    #[test]
+    fn few_readings_are_covered_by_students_factor() {
+        let answer = |k| Answer { coverage_factor: k, ..Answer::default() };
+        let few = Expanded::of(&answer(Some(2.571)));
+        assert!(few.factor() == 1.0 && few.statement().contains("k = 2.57") && few.heading() == "U (95 %)");
+        for many in [None, Some(1.98)] {
+            let many = Expanded::of(&answer(many));
+            assert!((many.factor() * 1.96 - 2.0).abs() < 1e-12 && many.statement().contains("k = 2,"));
+        }
     }
 }

@@ -18,7 +18,8 @@ use rigident_io::recording::Recording;
 /// Runs `rigident identify` by its words: files that a list names, and their check sums for a certificate.
 pub(crate) fn of_words(mut arguments: Identify) -> Result<ExitCode, Failure> {
     arguments.recording = listed(arguments.recording);
-    arguments.output.evidence = certificate::evidence(&arguments.recording, arguments.rig.as_deref());
+    let (rig, tare) = (arguments.rig.as_deref(), &arguments.tare.tare);
+    arguments.output.evidence = certificate::evidence(&arguments.recording, rig, tare);
     run(&arguments)
 }
 
