@@ -17,6 +17,8 @@ pub struct SummedUp {
     pub summary: Summary,
     /// The files whose numbers are not to be used.
     pub left_out: Vec<String>,
+    /// The files that have all numbers of one before: one run is counted once.
+    pub given_twice: Vec<String>,
 }
 
 /// Sums up results, each the path of a `result.json` or of the folder that has it.
@@ -32,16 +34,17 @@ pub struct SummedUp {
 /// let example = |name: &str| format!("{}/../docs/examples/{name}", env!("CARGO_MANIFEST_DIR"));
 /// let options = IdentifyOptions::default();
 /// let found = identify(example("bracket.csv").as_str().into(), &options, &Caller::default())?;
-/// let paths = ["a.json", "b.json"].map(|name| folder.path().join(name));
+/// let paths = ["a.json", "again.json"].map(|name| folder.path().join(name));
 /// for path in &paths {
 ///     std::fs::write(path, serde_json::to_string(&found.answer).unwrap()).unwrap();
 /// }
-/// let summed = summary(&paths)?.summary;
-/// assert!(summed.runs == 2 && summed.quantities[0].name == "m" && summed.quantities[0].std == 0.0);
+/// let summed = summary(&paths)?;
+/// assert!(summed.summary.runs == 1 && summed.given_twice.len() == 1);
 /// # Ok::<(), rigident::application::Error>(())
 /// ```
 pub fn summary(results: &[PathBuf]) -> Result<SummedUp, Error> {
-    let (mut answers, mut left_out): (Vec<Answer>, _) = (Vec::new(), Vec::new());
+    let (mut answers, mut left_out, mut given_twice): (Vec<Answer>, _, _) =
+        (Vec::new(), Vec::new(), Vec::new());
     for path in results {
         let file = file_of(path);
         let answer = answer_in(&file)?;
@@ -49,11 +52,13 @@ pub fn summary(results: &[PathBuf]) -> Result<SummedUp, Error> {
             left_out.push(file.display().to_string());
         } else if let Some(first) = answers.first().filter(|first| of(first) != of(&answer)) {
             return Err(Error::OtherSubject { path: file, of: of(&answer), first: of(first) });
+        } else if answers.iter().any(|before| repeated::is_same_run(before, &answer)) {
+            given_twice.push(file.display().to_string());
         } else {
             answers.push(answer);
         }
     }
-    Ok(SummedUp { summary: repeated::summary(&answers), left_out })
+    Ok(SummedUp { summary: repeated::summary(&answers), left_out, given_twice })
 }
 
 /// Returns the file, or the folder's.

@@ -12,6 +12,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     for name in &found.left_out {
         tell!("rigident: {name}: its numbers are not to be used; it is left out");
     }
+    for name in &found.given_twice {
+        tell!("rigident: {name}: all its numbers are those of a result before it; one run is counted once");
+    }
     let summed = &found.summary;
     if arguments.json {
         say_in_one_line(&found)?;

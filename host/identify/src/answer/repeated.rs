@@ -60,6 +60,15 @@ pub fn is_usable(answer: &Answer) -> bool {
     answer.status != Status::Failed && !answer.is_contradicted()
 }
 
+/// Returns true if two answers are of one run: noise repeats no number to the last bit.
+pub fn is_same_run(a: &Answer, b: &Answer) -> bool {
+    let measured = |answer: &Answer| -> Vec<Measured> {
+        answer.parameters.iter().filter_map(|p| p.state.measured()).collect()
+    };
+    let (a, b) = (measured(a), measured(b));
+    !a.is_empty() && a == b
+}
+
 /// Sums up the answers of several runs of one body, or of one tree.
 pub fn summary(answers: &[Answer]) -> Summary {
     let mut names: Vec<(String, String)> = Vec::new();
@@ -188,6 +197,14 @@ mod tests {
         // χ² = 14/3 of two degrees of freedom: exp(−7/3).
         assert!((m.probability - (-7.0_f64 / 3.0).exp()).abs() < 1e-4, "{}", m.probability);
         assert_eq!((summary.left_out, summary.surprising), (vec!["mcx".to_owned()], Vec::new()));
+    }
+
+    #[test]
+    fn one_run_is_the_same_however_often_it_is_read() {
+        let run = |value| answer(&[("m", Some([value, 0.1])), ("mcx", None)]);
+        assert!(is_same_run(&run(1.0), &run(1.0)) && !is_same_run(&run(1.0), &run(1.0 + f64::EPSILON)));
+        let nothing = answer(&[("m", None)]);
+        assert!(!is_same_run(&nothing, &nothing));
     }
 
     #[test]
