@@ -147,8 +147,12 @@ impl PlanFile {
     /// # Errors
     /// It is there already, or cannot be written.
     pub fn write(&self, path: &Path) -> Result<(), RecordingError> {
-        let text = serde_json::to_string_pretty(self).unwrap_or_default();
-        write_new_text(path, &(text + "\n"))
+        write_new_text(path, &self.text())
+    }
+
+    /// Returns the text of the file, JSON.
+    pub fn text(&self) -> String {
+        serde_json::to_string_pretty(self).unwrap_or_default() + "\n"
     }
 
     /// Reads a plan for this machine and checks that it can do it, at every instant. What its legs can carry

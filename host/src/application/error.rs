@@ -10,6 +10,7 @@ use super::calibrate_error::CalibrateError;
 use super::device_error::DeviceError;
 use super::drive_gains_error::DriveGainsError;
 use super::live_error::LiveError;
+use super::plan_error::PlanError;
 use super::vibration_error::VibrationError;
 use super::watch_error::WatchError;
 use rigident_fit::FitError;
@@ -255,6 +256,9 @@ pub enum Error {
     /// A platform on springs.
     #[error(transparent)]
     Vibration(Box<VibrationError>),
+    /// A plan.
+    #[error(transparent)]
+    Plan(Box<PlanError>),
     /// Still poses.
     #[error(transparent)]
     Statics(#[from] StaticsError),
@@ -334,6 +338,12 @@ impl From<WatchError> for Error {
 impl From<BodyError> for Error {
     fn from(error: BodyError) -> Self {
         Self::Body(Box::new(error))
+    }
+}
+
+impl From<PlanError> for Error {
+    fn from(error: PlanError) -> Self {
+        Self::Plan(Box::new(error))
     }
 }
 

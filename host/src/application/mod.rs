@@ -30,6 +30,7 @@ mod body_error;
 mod calibrate_error;
 mod calibration;
 mod caller;
+mod covariance;
 pub mod device;
 mod device_error;
 mod drift;
@@ -49,6 +50,8 @@ mod motion_plots;
 mod next_move;
 pub mod notice;
 pub mod payload;
+mod plan_error;
+pub mod planning;
 pub mod predict;
 pub mod recorded;
 pub mod reference;
@@ -74,6 +77,7 @@ pub use body_error::{BodyError, BodyOption};
 pub use calibrate_error::CalibrateError;
 pub use calibration::calibrate;
 pub use caller::Caller;
+pub use covariance::Covariance;
 pub use device_error::DeviceError;
 pub use drive_gains::{DriveGain, DriveGainOptions, DriveGains, drive_gains};
 pub use drive_gains_error::DriveGainsError;
@@ -88,6 +92,11 @@ pub use merge::{Merged, agreement, merge, merge_files};
 pub use next_move::NextMove;
 pub use notice::Notice;
 pub use payload::{Load, write_loads};
+pub use plan_error::PlanError;
+pub use planning::{
+    ComparedMotions, MotionOptions, PlannedMotion, PlannedPoses, PoseObjective, PoseOptions, compare_motions,
+    plan_motion, plan_poses,
+};
 pub use predict::{PredictOptions, Predicted, predict};
 pub use recorded::Recorded;
 pub use reference::{ReferenceOptions, ReferenceRuns};

@@ -8,7 +8,7 @@ use rigident_io::rig::RigFile;
 use rigident_present::{self, Decided, Series, Stage, TimePlot};
 
 use super::loaded::{Loaded, StandardOptions};
-use super::{Caller, Error, WrittenModel};
+use super::{Caller, Covariance, Error, WrittenModel};
 use rigident_identify::answer::payload::PayloadResult;
 
 /// Everything that a job knows at its end beside the fit.
@@ -194,6 +194,23 @@ impl Identified {
     /// Returns the name of the file that keeps the factor.
     pub fn factor_name(&self) -> String {
         format!("{}.factor", self.answer.source.recording)
+    }
+
+    /// Returns the covariance of the numbers of the answer.
+    ///
+    /// ```
+    /// use rigident::application::{Caller, IdentifyOptions, identify};
+    ///
+    /// let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/examples/bracket.csv");
+    /// let found = identify(path.into(), &IdentifyOptions::default(), &Caller::default())?;
+    /// let covariance = found.covariance();
+    /// assert_eq!(covariance.names[0], "m");
+    /// let u95 = found.answer.parameters[0].state.measured().unwrap().u95;
+    /// assert!((1.96 * covariance.matrix[(0, 0)].sqrt() / u95 - 1.0).abs() < 1e-3);
+    /// # Ok::<(), rigident::application::Error>(())
+    /// ```
+    pub fn covariance(&self) -> Covariance {
+        Covariance::of(&self.answer, &self.fit)
     }
 
     /// Returns the page of the answer, HTML.

@@ -21,7 +21,7 @@ use super::{
     budget, contradictions, drive_signs, excitation_advice, load, plausibility, reliance, remarks, rig_errors,
 };
 use rigident_fit::figures::shortened;
-use rigident_fit::{Basis, COVERAGE_95, ChannelFit, Fit, NuisanceFit};
+use rigident_fit::{Basis, ChannelFit, Fit, NuisanceFit};
 use rigident_io::rig::{BodyTable, TruthTable};
 use rigident_model::inertial::impossibility;
 use rigident_model::{ModelError, ModelLink};
@@ -44,6 +44,9 @@ pub enum AnswerError {
 pub const STANDARD_NOTE: &str = "full parameters of every link: nearest to the nominal model among those the \
                         data allow; only the base parameters above are identified, the rest is the nominal \
                         model's";
+
+/// A larger coverage factor is that of few residuals.
+const OF_FEW: f64 = 2.0;
 
 const REVERSED: &str = "the mass comes out negative: is wrench_sign right? It says in [recording] of the rig \
                         file whether the load cell reports the wrench \"on_body\" or \"on_sensor\"; reversed \
@@ -108,7 +111,7 @@ impl Answer {
             rejected_rows: fit.counts.rejected,
             forgotten: forgotten(fit),
             condition_number: Some(fit.estimate.condition_number).filter(|c| c.is_finite()),
-            coverage_factor: Some(fit.estimate.coverage_factor()).filter(|k| *k > COVERAGE_95),
+            coverage_factor: Some(fit.estimate.coverage_factor()).filter(|k| *k > OF_FEW),
             notes: context.notes.clone(),
             warnings: context.warnings.clone(),
             ..Self::default()

@@ -146,7 +146,7 @@ pub struct Answer {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub condition_number: Option<f64>,
     /// Largest coverage factor of the intervals: Student's, where noise was estimated from few residuals;
-    /// absent where all have the normal distribution's 1.96.
+    /// absent where it is below 2, as it is but for still poses.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub coverage_factor: Option<f64>,
     /// Noise and residuals of each measured quantity, in the order of the rows.

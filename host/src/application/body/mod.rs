@@ -8,7 +8,7 @@ mod plates;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use super::{BodyError, BodyOption, Caller, Error, Notice};
+use super::{BodyError, BodyOption, Caller, Covariance, Error, Notice};
 use fewer_freedoms::beside_human34;
 pub use on_device::compared;
 pub use pages::measured;
@@ -170,6 +170,11 @@ impl IdentifiedPerson {
     /// Returns the page of the answer, HTML.
     pub fn page(&self) -> String {
         rigident_present::report(&self.answer, &Series::new(&self.fit, &self.answer, false, 0.0))
+    }
+
+    /// Returns the covariance of the numbers of the answer.
+    pub fn covariance(&self) -> Covariance {
+        Covariance::of(&self.answer, &self.fit)
     }
 
     /// Returns the factors of the motions, with their files' names.

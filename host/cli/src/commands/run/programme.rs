@@ -6,7 +6,7 @@ use hexapod::{BodyParameters, Geometry, MotionProgram, Segment};
 
 use crate::Failure;
 use crate::device::experiment::check_duration;
-use rigident::device::platform::check::{OF_ARMS, WITHOUT_JOINTS};
+use rigident::application::planning::unchecked;
 use rigident::plan::plan_file::PlanFile;
 use rigident::present::Stage;
 
@@ -58,15 +58,8 @@ impl Programme {
 /// Says that collisions are not checked, where a rig file does not say how thick things are; what else where
 /// it gives no joints.
 pub(crate) fn tell_collisions(geometry: &Geometry) {
-    if geometry.arm.is_some() {
-        tell!("rigident: {OF_ARMS}");
-    } else if !geometry.has_joints() {
-        tell!("rigident: {WITHOUT_JOINTS}");
-    } else if geometry.limits.bulk.is_none() {
-        tell!(
-            "rigident: collisions of legs, plate and base are not looked at: [platform] has no leg_radius_m \
-             that says how thick a leg is"
-        );
+    if let Some(warning) = unchecked(geometry) {
+        tell!("rigident: {warning}");
     }
 }
 
