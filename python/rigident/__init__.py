@@ -22,7 +22,9 @@ if TYPE_CHECKING:
     from rigident._factor import Factor
     from rigident._identify import identify
     from rigident._model import BaseMotion, BaseParameters, Model
-    from rigident._results import FitParameter, Parameter, Result
+    from rigident._person import Person, Segment, identify_person
+    from rigident._results import FitParameter, Parameter, Residuals, Result
+    from rigident._vibration import Vibration, identify_vibration
 
 __all__ = [
     "Arrays",
@@ -37,12 +39,18 @@ __all__ = [
     "NoNumber",
     "NotIdentified",
     "Parameter",
+    "Person",
     "Place",
+    "Residuals",
     "Result",
     "Rig",
     "RigidentError",
+    "Segment",
+    "Vibration",
     "command",
     "identify",
+    "identify_person",
+    "identify_vibration",
     "plan",
 ]
 
@@ -54,7 +62,9 @@ _MODULES = {
     "_factor": ("Factor",),
     "_identify": ("identify",),
     "_model": ("BaseMotion", "BaseParameters", "Model"),
-    "_results": ("FitParameter", "Parameter", "Result"),
+    "_person": ("Person", "Segment", "identify_person"),
+    "_results": ("FitParameter", "Parameter", "Residuals", "Result"),
+    "_vibration": ("Vibration", "identify_vibration"),
 }
 
 

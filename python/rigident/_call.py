@@ -135,9 +135,14 @@ def known_values(known: Known | None) -> list[tuple[str, float, float]]:
     """Returns what is known beforehand: name, value, standard uncertainty.
 
     Raises:
-        TypeError: A value has no standard uncertainty beside it.
+        TypeError: It is no mapping, or a value has no standard uncertainty beside it.
     """
     values = []
+    if known is not None and not isinstance(known, Mapping):
+        raise TypeError(
+            f"known: {known!r} is no mapping of names to pairs of a value and its standard uncertainty (1 σ): "
+            "give {'m': (3.2, 0.01)}"
+        )
     for name, pair in (known or {}).items():
         try:
             value, sigma = pair

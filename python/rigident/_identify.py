@@ -43,6 +43,7 @@ def identify(
     payload: str | None = None,
     write_model: PathLike | None = None,
     write_load: PathLike | Iterable[PathLike] = (),
+    residuals: bool = False,
 ) -> Result:
     """Identifies the body, or the tree of links, of a recording, as ``rigident identify`` does and with its numbers.
 
@@ -73,6 +74,7 @@ def identify(
         payload: Link that carries what ``tare`` did not, ``LINK`` or ``LINK@x,y,z``.
         write_model: Model file to write.
         write_load: Files of controllers to write the payload into.
+        residuals: Keep the residuals of every row, ``result.residuals``.
 
     Raises:
         RigidentError: There is no answer; it has the exit status, and the file, line, column or index where there is one.
@@ -98,6 +100,7 @@ def identify(
             "payload": payload,
             "write_model": write_model,
             "write_load": loads,
+            "residuals": residuals,
         }
         return result_of(_rigident.identify(given(recording, name, path), options))
 

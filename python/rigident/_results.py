@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rigident._errors import Contradicted, NotIdentified
+from rigident._errors import Contradicted, NotIdentified, RigidentError
 
 if TYPE_CHECKING:
     from rigident._factor import Factor
@@ -57,6 +57,20 @@ class FitParameter:
 
 
 @dataclass(frozen=True)
+class Residuals:
+    """What the fit leaves of what was measured, after the filter that the rows went through."""
+
+    channels: tuple[str, ...]
+    """Names of m channels: ``fx``, …, or those of joints."""
+    units: tuple[str, ...]
+    """Their units."""
+    time_s: NDArray[np.float64]
+    """Times of n blocks of rows, s; zero for still poses."""
+    values: NDArray[np.float64]
+    """Measurement less prediction, n × m; NaN where a block says nothing of a channel."""
+
+
+@dataclass(frozen=True)
 class Result:
     """An answer, with the numbers of the command line to the last bit.
 
@@ -97,6 +111,9 @@ class Result:
     """The report as the command writes it, an HTML page."""
     factor: Factor | None = field(repr=False)
     """All that the recording says of the body, to merge and to solve again; ``None`` of a factor's own answer."""
+    residuals: Residuals | None = field(default=None, repr=False, compare=False)
+    """What the fit leaves, if ``residuals=True`` asked for it."""
+    _covariance: tuple[tuple[str, ...], NDArray[np.float64]] | None = field(default=None, repr=False, compare=False)
 
     @property
     def object(self) -> dict[str, Any]:
@@ -143,6 +160,34 @@ class Result:
         """
         return self._numbers("u95", names)
 
+    def covariance(self, names: Iterable[str] | None = None) -> NDArray[np.float64]:
+        """Returns the covariance of these parameters, or of all that have a number, in products of their units.
+
+        The standard uncertainty of a sum ``w @ p`` of parameters is ``sqrt(w @ C @ w)``; its U95 is 1.96 to 2 of them, more where
+        few readings show the noise: ``object["coverage_factor"]`` is there then.
+
+        Raises:
+            Contradicted: The recording cannot be true.
+            NotIdentified: The data do not determine one of them.
+            KeyError: There is no such parameter.
+            RigidentError: This kind of answer keeps none.
+
+        >>> import rigident
+        >>> result = rigident.identify("docs/examples/bracket.csv")
+        >>> c = result.covariance(["m", "mcz"])
+        >>> c.shape, bool(abs(1.96 * c[0, 0] ** 0.5 / result["m"].u95 - 1) < 1e-3)
+        ((2, 2), True)
+        """
+        if self._covariance is None:
+            raise RigidentError("this kind of answer keeps no covariance")
+        known, matrix = self._covariance
+        if names is None:
+            return matrix.copy()
+        chosen = list(names)
+        self.values(chosen)
+        at = [known.index(name) for name in chosen]
+        return matrix[np.ix_(at, at)]
+
     def _numbers(self, which: str, names: Iterable[str] | None) -> NDArray[np.float64]:
         chosen = self.parameters if names is None else tuple(self[name] for name in names)
         contradicted = [p.name for p in chosen if p.state == "contradicted"]
@@ -168,11 +213,11 @@ def framed(page: str) -> str:
     )
 
 
-def result_of(answered: tuple[str, int, list[str], str, tuple[bytes, str] | None]) -> Result:
-    """Takes an answer of the compiled part: its object, exit status, what was said beside it, page, and factor with its name."""
+def result_of(answered: Mapping[str, Any]) -> Result:
+    """Takes an answer of the compiled part."""
     from rigident._factor import Factor
 
-    text, exit_status, messages, page, kept = answered
+    text, kept = answered["json"], answered["factor"]
     whole = json.loads(text)
 
     def vector(key: str) -> NDArray[np.float64] | None:
@@ -186,7 +231,7 @@ def result_of(answered: tuple[str, int, list[str], str, tuple[bytes, str] | None
 
     return Result(
         status=whole["status"],
-        exit_status=exit_status,
+        exit_status=answered["exit_status"],
         parameters=tuple(
             Parameter(
                 name=p["name"],
@@ -213,8 +258,25 @@ def result_of(answered: tuple[str, int, list[str], str, tuple[bytes, str] | None
         advice=tuple(whole.get("advice", [])),
         warnings=tuple(whole.get("warnings", [])),
         notes=tuple(whole.get("notes", [])),
-        messages=tuple(messages),
+        messages=tuple(answered["messages"]),
         json=text,
-        page=page,
+        page=answered["page"],
         factor=None if kept is None else Factor.from_bytes(*kept),
+        residuals=_residuals(answered["residuals"]),
+        _covariance=_covariance(answered["covariance"]),
     )
+
+
+def _residuals(found: Mapping[str, Any] | None) -> Residuals | None:
+    if found is None:
+        return None
+    channels = tuple(found["channels"])
+    time_s, values = (np.frombuffer(found[key], dtype="<f8").astype(np.float64) for key in ("time_s", "values"))
+    return Residuals(channels, tuple(found["units"]), time_s, values.reshape(len(time_s), len(channels)))
+
+
+def _covariance(found: Mapping[str, Any] | None) -> tuple[tuple[str, ...], NDArray[np.float64]] | None:
+    if found is None:
+        return None
+    names = tuple(found["names"])
+    return names, np.array(found["rows"], dtype=np.float64).reshape(len(names), len(names))

@@ -14,21 +14,31 @@ __all__ = [
     "contents",
     "factor",
     "identify",
+    "identify_person",
+    "identify_vibration",
     "main",
     "merge",
+    "motion",
+    "poses",
     "solve",
     "toml_of",
 ]
 
 _Matrix = NDArray[np.float64]
 _Given = str | PathLike[str] | Recording
-_Answered = tuple[str, int, list[str], str, tuple[bytes, str] | None]
+_Answered = dict[str, Any]
 
 def main(words: Sequence[str]) -> int: ...
 def call(
     words: Sequence[str], recording: Recording | None = None
 ) -> tuple[int, str, list[str]]: ...
 def identify(recording: _Given, options: Mapping[str, Any]) -> _Answered: ...
+def identify_person(
+    trials: Sequence[str | PathLike[str]], options: Mapping[str, Any]
+) -> dict[str, Any]: ...
+def identify_vibration(
+    recording: str | PathLike[str], rig: PathLike[str] | None, modes: int | None
+) -> dict[str, Any]: ...
 def factor(recording: _Given, options: Mapping[str, Any]) -> tuple[bytes, list[str]]: ...
 def merge(
     factors: Sequence[tuple[bytes, str]], shared_offset: bool, force: bool
@@ -39,6 +49,8 @@ def solve(
     ask: Mapping[str, Any],
     without_platform: bool,
 ) -> _Answered: ...
+def poses(options: Mapping[str, Any]) -> tuple[str, str, list[str]]: ...
+def motion(options: Mapping[str, Any]) -> tuple[str, str, list[str]]: ...
 def contents(bytes: bytes, name: str) -> dict[str, Any]: ...
 def toml_of(json: str) -> str: ...
 @final

@@ -15,7 +15,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from rigident._call import PathLike, Rig, command, option, repeated, rig_path
+from rigident import _rigident
+from rigident._call import PathLike, Rig, command, option, repeated, rig_file
 
 __all__ = ["Plan", "Trajectory", "excitation", "motion", "poses"]
 
@@ -80,14 +81,15 @@ def poses(
     >>> len(plan.object["poses_deg"])
     4
     """
-    words = [
-        f"--n={n}",
-        *option("--stroke-m", None if stroke_m is None else float(stroke_m)),
-        *option("--margin", None if margin is None else float(margin)),
-        *option("--objective", objective),
-        *option("--hold-s", None if hold_s is None else float(hold_s)),
-    ]
-    return _planned("poses", words, rig)
+    options = {
+        "n": n,
+        "stroke_m": stroke_m,
+        "margin": margin,
+        "objective": objective,
+        "hold_s": hold_s,
+    }
+    with rig_file(rig) as path:
+        return _planned(_rigident.poses({"rig": path, **options}))
 
 
 def motion(
@@ -114,15 +116,16 @@ def motion(
     Raises:
         RigidentError: There is no such motion.
     """
-    words = [
-        *option("--objective", objective),
-        *option("--duration-s", float(duration_s)),
-        *option("--body", body),
-        *option("--no-poses", no_poses),
-        *option("--highest-hz", None if highest_hz is None else float(highest_hz)),
-        *option("--stroke-m", None if stroke_m is None else float(stroke_m)),
-    ]
-    return _planned("motion", words, rig)
+    options = {
+        "objective": objective,
+        "duration_s": float(duration_s),
+        "body": body,
+        "no_poses": no_poses,
+        "highest_hz": highest_hz,
+        "stroke_m": stroke_m,
+    }
+    with rig_file(rig) as path:
+        return _planned(_rigident.motion({"rig": path, **options}))
 
 
 def excitation(
@@ -211,14 +214,9 @@ def excitation(
         )
 
 
-def _planned(what: str, words: list[str], rig: Rig | None) -> Plan:
-    with tempfile.TemporaryDirectory(prefix="rigident-") as temporary:
-        folder = Path(temporary)
-        out = folder / "plan.json"
-        called = command(
-            "plan", what, *words, *option("--rig", rig_path(rig, folder)), "--json", f"--out={out}"
-        )
-        return Plan(json.loads(called.output), out.read_text(encoding="utf-8"), called.messages)
+def _planned(planned: tuple[str, str, list[str]]) -> Plan:
+    text, file, messages = planned
+    return Plan(json.loads(text), file, tuple(messages))
 
 
 def _columns(text: str) -> dict[str, NDArray[np.float64]]:

@@ -7,8 +7,8 @@ use std::sync::atomic::AtomicBool;
 use pyo3::prelude::*;
 use pyo3::pybacked::PyBackedBytes;
 use rigident::application::{
-    self, Caller, Changes, Error, FactorOptions, Fixture, Identified, IdentifyOptions, Recorded,
-    SolveOptions, Tree, payload, write_loads,
+    self, Caller, Changes, Error, FactorOptions, Fixture, IdentifyOptions, Recorded, SolveOptions, Tree,
+    payload, write_loads,
 };
 use rigident::fit::Silent;
 use rigident::fit::pool::PooledFactor;
@@ -18,6 +18,7 @@ use rigident::rows::tree::drive::Friction;
 use rigident_shared::forgetting::Span;
 use rigident_shared::printable;
 
+use crate::answers::{Answered, Residuals, answered};
 use crate::calls::watched;
 use crate::errors::Refused;
 use crate::recordings::Recording;
@@ -143,6 +144,7 @@ pub struct IdentifyWords {
     payload: Option<String>,
     write_model: Option<PathBuf>,
     write_load: Vec<PathBuf>,
+    residuals: bool,
 }
 
 impl IdentifyWords {
@@ -182,10 +184,6 @@ impl IdentifyWords {
     }
 }
 
-/// An answer: the object's text, the exit status of the command line, what was said beside it, the page, and
-/// the factor with its name.
-type Answered = (String, i32, Vec<String>, String, Option<(Vec<u8>, String)>);
-
 /// Identifies the body, or the tree of links, of a recording.
 ///
 /// # Errors
@@ -193,7 +191,8 @@ type Answered = (String, i32, Vec<String>, String, Option<(Vec<u8>, String)>);
 #[pyfunction]
 pub fn identify(py: Python<'_>, recording: Given<'_>, options: IdentifyWords) -> PyResult<Answered> {
     let recording = recorded(recording).map_err(|why| why.raised(py, &[]))?;
-    let done = watched(py, move |stop| {
+    let done = watched(py, move |stop| -> Result<_, Refused> {
+        let asks_residuals = options.residuals;
         let (options, loads) = options.typed()?;
         let found = application::identify(recording, &options, &caller(&stop))?;
         let mut messages = Vec::new();
@@ -216,7 +215,8 @@ pub fn identify(py: Python<'_>, recording: Given<'_>, options: IdentifyWords) ->
                 loads.iter().map(|path| format!("write_load {}: not written: {why}", path.display())),
             );
         }
-        answered(&found, is_written, messages)
+        let residuals = asks_residuals.then(|| Residuals::of(&found.fit));
+        Ok(Answered { residuals, ..answered(&found, is_written, messages)? })
     })?;
     done.map_err(|why| why.raised(py, &[]))
 }
@@ -295,7 +295,7 @@ pub fn solve(
     done.map_err(|why| why.raised(py, &[]))
 }
 
-fn caller(stop: &Arc<AtomicBool>) -> Caller<'_> {
+pub(crate) fn caller(stop: &Arc<AtomicBool>) -> Caller<'_> {
     Caller::new(&Silent).stopped_by(stop).worded_by(worded::notice)
 }
 
@@ -310,7 +310,7 @@ fn recorded(given: Given<'_>) -> Result<Recorded, Refused> {
 }
 
 /// Refuses names that would steer a terminal or a notebook: they go into messages and written files.
-fn plain(name: &str) -> Result<(), Refused> {
+pub(crate) fn plain(name: &str) -> Result<(), Refused> {
     if name.chars().any(printable::steers) {
         return Err(Refused::usage(format!(
             "'{}' has control characters: names of files go into messages and written files; rename it",
@@ -318,12 +318,4 @@ fn plain(name: &str) -> Result<(), Refused> {
         )));
     }
     Ok(())
-}
-
-fn answered(found: &Identified, is_written: bool, messages: Vec<String>) -> Result<Answered, Refused> {
-    let text = serde_json::to_string_pretty(&found.answer)
-        .map_err(|error| Refused::usage(format!("the result cannot be put into JSON: {error}")))?;
-    let kept = found.factor.as_ref().map(|factor| (factor.to_bytes(), found.answer.source.recording.clone()));
-    let status = i32::from(!(is_written && found.is_whole()));
-    Ok((text, status, messages, found.page(), kept))
 }
