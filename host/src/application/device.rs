@@ -1,18 +1,20 @@
 //! A device that a job uses: the session with it, and the noise that it weighs rows by.
 
 use rigident_shared::forgetting::Span;
-use rigident_shared::wire::Settings;
+use rigident_shared::wire::{Settings, Source};
 
 use super::device_error::DeviceError;
 use super::{Caller, Error, Loaded};
 use rigident_device::link::Transport;
 use rigident_device::microcontroller;
-use rigident_device::session::Session;
 use rigident_device::session::precision::{self, largest_numbers};
+use rigident_device::session::two_links::{attitude_source, two_link_settings};
+use rigident_device::session::{DeviceTiming, Session, settings};
 use rigident_fit::Parameter;
 use rigident_fit::prior::KnownValues;
 use rigident_identify::answer::AnswerError;
 use rigident_identify::answer::selection;
+use rigident_io::rig::RigFile;
 
 /// Opens a session over a line, and configures the device.
 ///
@@ -30,6 +32,30 @@ pub fn configured_over(line: Box<dyn Transport>, settings: &Settings) -> Result<
 /// [`DeviceError`]: the device does not take one of them, or the link fails.
 pub fn configure(session: &mut Session, settings: &Settings) -> Result<(), DeviceError> {
     session.configure(settings).map_err(|error| DeviceError::of_settings(error, settings))
+}
+
+/// The device says Holding after this long without us.
+const HOST_TIMEOUT_MS: u32 = 2_000;
+
+/// Returns the timing of a run by the device's own sensors, in motion, at this rate, 1/s.
+pub fn of_sensors(rate_hz: f64) -> DeviceTiming {
+    DeviceTiming { rate_hz, is_static: false, source: Source::Sensors, host_timeout_ms: HOST_TIMEOUT_MS }
+}
+
+/// Returns the device's settings for the content of a rig file, one body or two links, and σ where it has
+/// none.
+///
+/// # Errors
+/// What the rig file lacks, or more links than the device takes from sensors.
+pub fn device_settings(
+    rig: &RigFile,
+    timing: &DeviceTiming,
+    noise: Option<[f64; 6]>,
+) -> Result<Settings, DeviceError> {
+    if rig.link.len() > 1 {
+        return Ok(two_link_settings(rig, timing, noise, attitude_source(rig))?);
+    }
+    Ok(settings(rig, timing, noise, None)?)
 }
 
 /// Refuses prior knowledge of parameters, and a request for some, that there are not, before anything is

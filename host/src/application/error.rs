@@ -9,6 +9,7 @@ use super::body_error::BodyError;
 use super::calibrate_error::CalibrateError;
 use super::device_error::DeviceError;
 use super::drive_gains_error::DriveGainsError;
+use super::driving_error::DrivingError;
 use super::live_error::LiveError;
 use super::plan_error::PlanError;
 use super::vibration_error::VibrationError;
@@ -279,6 +280,9 @@ pub enum Error {
     /// Live sources.
     #[error(transparent)]
     Live(Box<LiveError>),
+    /// A platform that is not driven.
+    #[error(transparent)]
+    Driving(Box<DrivingError>),
     /// A watch.
     #[error(transparent)]
     Watch(Box<WatchError>),
@@ -338,6 +342,12 @@ impl From<WatchError> for Error {
 impl From<BodyError> for Error {
     fn from(error: BodyError) -> Self {
         Self::Body(Box::new(error))
+    }
+}
+
+impl From<DrivingError> for Error {
+    fn from(error: DrivingError) -> Self {
+        Self::Driving(Box::new(error))
     }
 }
 

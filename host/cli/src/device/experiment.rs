@@ -4,7 +4,6 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
-use hexapod::experiment::SHORTEST_S;
 use rigident_shared::wire::{EstimateReport, LinkReadingMessage, ReadingMessage};
 
 use crate::device::report::{Outlet, show};
@@ -19,17 +18,6 @@ use rigident_io::recording::comment_in_words;
 use rigident_io::recording::mcap::messages::ImuValues;
 use rigident_io::recording::mcap::write::{Head, McapWriter, Row};
 use rigident_io::rig::RigFile;
-
-/// Checks whether poses and motion fit into the given time, s.
-pub(crate) fn check_duration(duration_s: f64) -> Result<(), Failure> {
-    if (SHORTEST_S..=3600.0).contains(&duration_s) {
-        return Ok(());
-    }
-    Err(Failure::input(format!(
-        "--duration-s {duration_s}: the five poses and the motion take {SHORTEST_S} s at least, and 3600 s \
-         are enough"
-    )))
-}
 
 /// Shows progress and writes every reading into the recording.
 pub(crate) struct Watcher {

@@ -1,39 +1,16 @@
 use std::io::{self, IsTerminal};
 
-use rigident_shared::wire::{Identity, Settings, Source};
+use rigident_shared::wire::{Identity, Settings};
 
 use crate::Failure;
 use crate::screen::question::answered;
 use crate::screen::tell::tell;
-use rigident::application::device::configure;
+use rigident::application::Error;
+pub(crate) use rigident::application::device::of_sensors;
+use rigident::application::device::{self, configure};
 use rigident::device::ports::{self, NotFound, Port};
-use rigident::device::session::two_links::{attitude_source, two_link_settings};
-use rigident::device::session::{DeviceTiming, INTERRUPTED, Session, settings};
+use rigident::device::session::{DeviceTiming, INTERRUPTED, Session};
 use rigident_io::rig::RigFile;
-
-/// The device says Holding after this long without us.
-const HOST_TIMEOUT_MS: u32 = 2_000;
-
-/// Returns the timing of a run by the device's own sensors, in motion, at this rate, 1/s.
-pub(crate) fn of_sensors(rate_hz: f64) -> DeviceTiming {
-    DeviceTiming { rate_hz, is_static: false, source: Source::Sensors, host_timeout_ms: HOST_TIMEOUT_MS }
-}
-
-/// Returns the device's settings for the content of a rig file, one body or two links, and σ where it has
-/// none.
-///
-/// # Errors
-/// Bad input: what the rig file lacks, or more links than the device takes from sensors.
-pub(crate) fn device_settings(
-    rig: &RigFile,
-    timing: &DeviceTiming,
-    noise: Option<[f64; 6]>,
-) -> Result<Settings, Failure> {
-    if rig.link.len() > 1 {
-        return two_link_settings(rig, timing, noise, attitude_source(rig)).map_err(Failure::input);
-    }
-    settings(rig, timing, noise, None).map_err(Failure::input)
-}
 
 /// Opens a device's port and says hello; without a name the only device's, left out `others` that belong to
 /// something else.
@@ -85,6 +62,18 @@ fn chosen(found: &[(Port, Identity)]) -> Result<String, Failure> {
     let answer = answered(read, &INTERRUPTED)?.unwrap_or_default();
     let number = answer.trim().parse::<usize>().ok().and_then(|k| k.checked_sub(1));
     number.and_then(|k| names.get(k)).map(|port| (*port).to_owned()).ok_or_else(refused)
+}
+
+/// Returns the device's settings for the content of a rig file, and σ where it has none.
+///
+/// # Errors
+/// Bad input: what the rig file lacks, or more links than the device takes from sensors.
+pub(crate) fn device_settings(
+    rig: &RigFile,
+    timing: &DeviceTiming,
+    noise: Option<[f64; 6]>,
+) -> Result<Settings, Failure> {
+    Ok(device::device_settings(rig, timing, noise).map_err(Error::from)?)
 }
 
 /// Sends settings and reads them back.

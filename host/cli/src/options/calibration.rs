@@ -1,9 +1,6 @@
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
-
-use crate::Failure;
-use rigident::application::Error;
 
 /// The option `--calibration`.
 #[derive(Args, Debug, Clone, Default)]
@@ -12,12 +9,4 @@ pub struct CalibrationOption {
     /// what data sheets say. Default: [calibration] of the rig file
     #[arg(long, value_name = "FILE")]
     pub calibration: Option<PathBuf>,
-}
-
-/// Refuses a calibration of the rig where a tree is identified.
-///
-/// # Errors
-/// Bad input.
-pub(crate) fn refuse_for_trees(file: Option<&Path>) -> Result<(), Failure> {
-    file.map_or(Ok(()), |_| Err(Error::CalibrationOfTree.into()))
 }

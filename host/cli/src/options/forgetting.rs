@@ -4,8 +4,6 @@ use rigident_shared::forgetting::Span;
 use crate::Failure;
 pub(crate) use rigident::application::span::RowsOf;
 use rigident::application::span::checked;
-#[cfg(not(target_family = "wasm"))]
-pub(crate) use rigident::device::session::state_memory as put_into;
 
 /// How long rows are remembered.
 #[derive(Args, Debug, Clone, Default)]

@@ -3,7 +3,9 @@
 use clap::Args;
 
 use crate::Failure;
-use rigident_io::rig::{PlatformTable, RigFile};
+use rigident::application::Error;
+use rigident::application::driving::LoadBounds;
+use rigident_io::rig::RigFile;
 
 /// Bounds of what the plate carries.
 #[derive(Args, Debug, Clone, Copy, Default)]
@@ -17,21 +19,16 @@ pub struct LoadOptions {
 }
 
 impl LoadOptions {
+    /// Returns them as the application takes them.
+    pub(crate) fn typed(self) -> LoadBounds {
+        LoadBounds { load_max_kg: self.load_max_kg, load_within_m: self.load_within_m }
+    }
+
     /// Puts what was given in the place of what the rig file says.
     ///
     /// # Errors
     /// Bad input: no positive number.
     pub(crate) fn put_into(self, rig: &mut RigFile) -> Result<(), Failure> {
-        for (name, value) in [("--load-max-kg", self.load_max_kg), ("--load-within-m", self.load_within_m)] {
-            if let Some(value) = value.filter(|v| !(v.is_finite() && *v > 0.0)) {
-                return Err(Failure::input(format!("{name} {value}: a positive number")));
-            }
-        }
-        if self.load_max_kg.is_some() || self.load_within_m.is_some() {
-            let platform = rig.platform.get_or_insert_with(PlatformTable::default);
-            platform.load_max_kg = self.load_max_kg.or(platform.load_max_kg);
-            platform.load_within_m = self.load_within_m.or(platform.load_within_m);
-        }
-        Ok(())
+        Ok(self.typed().put_into(rig).map_err(Error::from)?)
     }
 }

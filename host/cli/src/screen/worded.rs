@@ -246,6 +246,8 @@ impl From<Error> for Failure {
         };
         let failure = match &error {
             Error::Stopped => Self::interrupted(&error),
+            Error::Driving(own) if own.is_stopped() => Self::interrupted(own),
+            Error::Driving(own) if own.is_of_the_link() => Self::link(own),
             Error::Live(own) if matches!(**own, LiveError::StoppedLooking) => Self::interrupted(own),
             Error::Device(own) if own.is_of_the_link() => Self::link(own),
             Error::Live(own) if own.is_of_the_link() => Self::link(own),

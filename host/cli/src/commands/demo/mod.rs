@@ -14,9 +14,8 @@ use rigident_sim::runner::frames_of;
 use rigident_sim::sensors::SensorModels;
 
 use crate::commands::demo_arguments::{Demo, Demonstrated};
-use crate::commands::run::adaptive::Directing;
+use crate::commands::run::at_terminal::AtTerminal;
 use crate::commands::run::refused::refuse_for_trees;
-use crate::commands::run::{guards, programme, zeroing};
 use crate::device::experiment::{Watcher, conclude};
 use crate::device::link::{configured, device_settings};
 use crate::device::report::Outlet;
@@ -26,8 +25,9 @@ use crate::options::microcontroller::Mcu;
 use crate::screen::outcome::say;
 use crate::{Failure, Folder, Stages};
 use rigident::application::device::check_asked;
+use rigident::application::driving::{self, Directing, at_rest, guard, weigh};
 use rigident::application::report::provenance;
-use rigident::application::{DeviceError, Experiment, Loaded, Replay, ReplayOptions};
+use rigident::application::{DeviceError, Error, Experiment, Loaded, Replay, ReplayOptions};
 use rigident::device::microcontroller::{self, Image, Microcontroller};
 use rigident::device::platform::{LocalPlatform, Platform as _};
 use rigident::device::session::tree::{device_parameters, device_tree};
@@ -62,6 +62,9 @@ const FRAMES_HZ: f64 = 100.0;
 const PLATES: [f64; 6] = [0.5, 0.5, 1.0, 0.1, 0.1, 0.1];
 /// Shorter motions of a person tell little; longer ones nothing new. s
 const FRAMES_S: std::ops::RangeInclusive<f64> = 2.0..=3600.0;
+
+/// Nothing is asked: nothing moves but in the simulation.
+const TERMINAL: AtTerminal = AtTerminal { yes: true, dry_run: false };
 
 /// Runs `rigident demo`.
 pub(crate) fn run(arguments: &Demo) -> Result<ExitCode, Failure> {
@@ -168,18 +171,18 @@ impl Carried {
 }
 
 /// The motion of the platform: a program, or what is decided from segment to segment.
-struct Motion {
-    directing: Option<Directing>,
+struct Motion<'a> {
+    directing: Option<Directing<'a>>,
     fixed: Option<MotionProgram>,
     stages: Vec<Stage>,
     same_pose: Option<[(f64, f64); 2]>,
 }
 
-impl Motion {
+impl<'a> Motion<'a> {
     /// Returns the motion of the arguments, and loads its program; a program has stages for one body only.
     fn of(
         arguments: &Demo,
-        directing: Option<Directing>,
+        directing: Option<Directing<'a>>,
         geometry: &Geometry,
         is_of_one_body: bool,
         platform: &mut LocalPlatform,
@@ -188,7 +191,7 @@ impl Motion {
         if motion.directing.is_none() {
             let program = arguments.programme.program(geometry)?;
             if is_of_one_body {
-                (motion.stages, motion.same_pose) = programme::stages(&program);
+                (motion.stages, motion.same_pose) = driving::stages(&program);
             }
             platform.load(&program).map_err(Failure::link)?;
             motion.fixed = Some(program);
@@ -253,7 +256,9 @@ fn on_platform(arguments: &Demo) -> Result<ExitCode, Failure> {
     let (settings, span) = set_up(arguments, &mut session, &file, &parameters)?;
     let mut platform = LocalPlatform(rig);
     let body = if is_adaptive { weighed(arguments, &config, &settings, &mut file)? } else { None };
-    let directing = arguments.adaptive.directing(&file, &geometry, &settings, body)?;
+    let goal = is_adaptive.then(|| arguments.adaptive.typed());
+    let directing = goal.map(|goal| Directing::new(&goal, (&file, &geometry), &settings, body, &TERMINAL));
+    let directing = directing.transpose().map_err(Error::from)?;
     let mut motion = Motion::of(arguments, directing, &geometry, links.is_none(), &mut platform)?;
 
     let folder = Folder::new(arguments.output.out.as_deref(), "demo")?;
@@ -262,7 +267,7 @@ fn on_platform(arguments: &Demo) -> Result<ExitCode, Failure> {
     let expected = (motion.fixed.as_ref().map_or(0.0, MotionProgram::duration_s) * RATE_HZ) as usize;
     let mut watcher = Watcher::recording(folder.file("demo.mcap"), &file, &comments, expected)?;
     session.at_most_s = arguments.adaptive.at_most_s;
-    guards::watch(&mut session, &file, arguments.adaptive.axes())?;
+    guard(&mut session, &file, arguments.adaptive.axes()).map_err(Error::from)?;
     if motion.fixed.as_ref().is_some_and(|program| program.start != geometry.home()) {
         // The rig puts a way to the start before it: its times are not the program's.
         session.motion_guard = None;
@@ -310,7 +315,8 @@ fn weighed(
     };
     platform.load(&rest).map_err(Failure::link)?;
     let take = session.follow(&mut platform, &rest, &mut Watcher::new(0)).map_err(Failure::link)?;
-    zeroing::weigh(&zeroing::at_rest(&take.readings, file.imu.first())?, file)
+    let rest = at_rest(&take.readings, file.imu.first()).map_err(Error::from)?;
+    Ok(weigh(&rest, file, &TERMINAL).map_err(Error::from)?)
 }
 
 /// Runs `rigident demo --body human34`.

@@ -7,7 +7,7 @@ use std::time::Instant;
 use hexapod::{Geometry, MotionProgram};
 
 use crate::commands::run::arguments::Run;
-use crate::commands::run::zeroing::{warm_up, zero};
+use crate::commands::run::at_terminal::AtTerminal;
 use crate::device::experiment::{Watcher, conclude};
 use crate::device::link::{configured, of_sensors, open};
 use crate::device::report::Outlet;
@@ -15,8 +15,9 @@ use crate::options::forgetting::RowsOf;
 use crate::{Failure, Folder};
 use rigident::answer::now;
 use rigident::application::device::check_asked;
+use rigident::application::driving::{warm_up, zero};
 use rigident::application::report::provenance;
-use rigident::application::{Experiment, Loaded, NextMove, calibrate};
+use rigident::application::{Error, Experiment, Loaded, NextMove, calibrate};
 use rigident::device::calibrated_board::another_board;
 use rigident::device::platform::ByHand;
 use rigident::device::session::{settings, sound};
@@ -49,8 +50,9 @@ pub(crate) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
 
     let mut warnings = Vec::from_iter(another_board(&rig, session.identity()));
     tell!("hold the body still");
-    warm_up(&mut session, &rig, arguments.warm_up_s, &mut warnings)?;
-    let rest = zero(&mut session, &mut rig, &mut warnings)?;
+    let terminal = AtTerminal { yes: arguments.yes, dry_run: arguments.dry_run };
+    warm_up(&mut session, &rig, arguments.warm_up_s, &mut warnings, &terminal).map_err(Error::from)?;
+    let rest = zero(&mut session, &mut rig, &mut warnings, &terminal).map_err(Error::from)?;
     let mut settings = rest.settings(&rig, &timing, span)?;
     arguments.stop.put_into(&mut settings, &parameters)?;
     configured(&mut session, &settings)?;

@@ -1,14 +1,12 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use hexapod::experiment::thesis_program;
-use hexapod::{BodyParameters, Geometry, MotionProgram, Segment};
+use hexapod::{Geometry, MotionProgram};
 
 use crate::Failure;
-use crate::device::experiment::check_duration;
+use crate::commands::run::at_terminal::AtTerminal;
 use rigident::application::planning::unchecked;
-use rigident::plan::plan_file::PlanFile;
-use rigident::present::Stage;
+use rigident::application::{Error, driving};
 
 /// What the platform does.
 #[derive(Args, Debug, Clone)]
@@ -21,37 +19,19 @@ pub struct Programme {
     pub plan: Option<PathBuf>,
 }
 
-/// The motion to be done.
-pub(crate) struct Planned {
-    pub(crate) program: MotionProgram,
-    /// The body that it was made to carry, in P, if it was made for one.
-    pub(crate) carries: Option<BodyParameters>,
-}
-
 impl Programme {
-    /// Returns the motion for this machine.
+    /// Returns it as the application takes it.
+    pub(crate) fn typed(&self) -> driving::Programme {
+        driving::Programme { duration_s: self.duration_s, plan: self.plan.clone() }
+    }
+
+    /// Returns the program for this machine.
     ///
     /// # Errors
     /// A duration that is too short or too long, or a plan that is not for this machine: bad input.
-    pub(crate) fn planned(&self, geometry: &Geometry) -> Result<Planned, Failure> {
-        if let Some(path) = &self.plan {
-            let plan = PlanFile::read(path, geometry).map_err(Failure::input)?;
-            let carries = plan.carries();
-            let made_for =
-                carries.map_or_else(String::new, |body| format!(", made for {:.2} kg", body.mass_kg));
-            tell!("plan: {}{made_for}", plan.title);
-            return Ok(Planned { program: plan.program, carries });
-        }
-        check_duration(self.duration_s)?;
-        Ok(Planned { program: thesis_program(geometry, self.duration_s), carries: None })
-    }
-
-    /// Returns the program alone.
-    ///
-    /// # Errors
-    /// Fails as [`Self::planned`] does.
     pub(crate) fn program(&self, geometry: &Geometry) -> Result<MotionProgram, Failure> {
-        Ok(self.planned(geometry)?.program)
+        let terminal = AtTerminal { yes: false, dry_run: false };
+        Ok(self.typed().planned(geometry, &terminal).map_err(Error::from)?.program)
     }
 }
 
@@ -61,45 +41,4 @@ pub(crate) fn tell_collisions(geometry: &Geometry) {
     if let Some(warning) = unchecked(geometry) {
         tell!("rigident: {warning}");
     }
-}
-
-/// Returns the parts of a program, and the spans (s) of its first and last pose after a move: the same pose
-/// twice.
-pub(crate) fn stages(program: &MotionProgram) -> (Vec<Stage>, Option<[(f64, f64); 2]>) {
-    let mut stages = Vec::new();
-    let mut holds = Vec::new();
-    let (mut at, mut poses, mut moved) = (0.0, 0, false);
-    for segment in &program.segments {
-        let duration = segment.duration_s();
-        let name = match segment {
-            Segment::Move { .. } | Segment::Path { .. } => {
-                moved = true;
-                None
-            }
-            Segment::Hold { .. } => {
-                if moved {
-                    poses += 1;
-                    holds.push((at, at + duration));
-                    Some(format!("pose {poses}"))
-                } else {
-                    Some("home".to_owned())
-                }
-            }
-            Segment::Multisine { .. } | Segment::Sphere(_) => Some("motion".to_owned()),
-        };
-        if let Some(name) = name {
-            stages.push(Stage { start_s: at, name });
-        }
-        at += duration;
-    }
-    if let Some(last) = stages.last_mut()
-        && holds.len() > 1
-    {
-        last.name = "pose 1 again".to_owned();
-    }
-    let ends = match (holds.first(), holds.last()) {
-        (Some(first), Some(last)) if holds.len() > 1 => Some([*first, *last]),
-        _ => None,
-    };
-    (stages, ends)
 }

@@ -1,17 +1,17 @@
 //! The guards of a motion, as the rig file has it.
 
-use crate::Failure;
-use rigident::device::session::{Axes, LoadGuard, MotionGuard, Session};
-use rigident::plan::{machine, ranges};
+use super::DrivingError;
+use rigident_device::session::{Axes, LoadGuard, MotionGuard, Session};
 use rigident_io::rig::{Calibrated, RigFile};
+use rigident_plan::{machine, ranges};
 
 /// Has load cell and IMU watched from now on, each where the rig file says enough of it.
 ///
 /// # Errors
 /// A mounting whose rotation is none.
-pub(crate) fn watch(session: &mut Session, rig: &RigFile, axes: Axes) -> Result<(), Failure> {
+pub fn guard(session: &mut Session, rig: &RigFile, axes: Axes) -> Result<(), DrivingError> {
     session.load_guard = rig.load_cell.range_n_nm.map(LoadGuard::new);
-    let (at, rotation) = machine::load_cell(rig).map_err(Failure::input)?;
+    let (at, rotation) = machine::load_cell(rig)?;
     let zero = match rig.imu.first().map(|imu| imu.gyro_bias_radps) {
         Some(Calibrated::Numbers(zero)) => zero,
         _ => [0.0; 3],

@@ -1,55 +1,47 @@
 //! The statements about a motion before anybody agrees to it.
 
 use std::fmt;
-use std::io::{self, IsTerminal, Write};
 
 use hexapod::{COND_MAX, Pose};
 
-use crate::commands::run::zeroing::Attitude;
-use crate::screen::tell::tell;
-use rigident::device::platform::check::{self, Summary};
-use rigident::device::session::Session;
-use rigident::plan::machine;
-use rigident::plan::ranges::CellStopped;
+use super::checks::Attitude;
+use rigident_device::platform::check::{self, Summary};
+use rigident_device::session::Session;
 use rigident_io::rig::RigFile;
+use rigident_plan::machine;
+use rigident_plan::ranges::CellStopped;
 
 /// Less of the stroke than this in reserve at either end is worth a word: plans leave somewhat more.
 const RESERVE: f64 = 0.49 * machine::RESERVE;
 
 /// The parts about to move, the guards, and what is only assumed.
-pub(crate) struct Consent<'a> {
-    pub(crate) summary: &'a Summary,
-    pub(crate) address: &'a str,
-    pub(crate) rig: &'a RigFile,
+pub struct Consent<'a> {
+    /// The checks against all limits.
+    pub summary: &'a Summary,
+    /// The platform's address.
+    pub address: &'a str,
+    /// The rig file.
+    pub rig: &'a RigFile,
     /// Share of the program's own speed.
-    pub(crate) slow: Option<f64>,
+    pub slow: Option<f64>,
     /// The platform's statements about itself.
-    pub(crate) found: Vec<String>,
+    pub found: Vec<String>,
     /// Load guard and motion guard, on or not; `None` before they are set.
-    pub(crate) guards: Option<[bool; 2]>,
+    pub guards: Option<[bool; 2]>,
     /// The load cell in each stop that is shown.
-    pub(crate) cell: Vec<(f64, CellStopped)>,
+    pub cell: Vec<(f64, CellStopped)>,
     /// The plate's pose before the warm-up, where it is another since.
-    pub(crate) moved: Option<[Pose; 2]>,
+    pub moved: Option<[Pose; 2]>,
     /// Gravity was compared with the plate's pose; `None` before that.
-    pub(crate) attitude: Option<Attitude>,
+    pub attitude: Option<Attitude>,
 }
 
 /// Returns whether load guard and motion guard are on.
-pub(crate) fn guards(session: &Session) -> [bool; 2] {
+pub(super) fn guards(session: &Session) -> [bool; 2] {
     [session.load_guard.is_some(), session.motion_guard.is_some()]
 }
 
 impl Consent<'_> {
-    /// Shows it, whatever has been done to the terminal before.
-    pub(crate) fn show(&self) {
-        if io::stderr().is_terminal() {
-            // Colours and concealment that something before has left on.
-            let _ = io::stderr().write_all(b"\x1b[0m");
-        }
-        tell(format_args!("{self}"), "");
-    }
-
     fn guard_words([load, motion]: [bool; 2]) -> [&'static str; 2] {
         [
             if load {

@@ -9,13 +9,13 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 
-use crate::Failure;
-use rigident::device::platform::{Said, Trace};
+use super::DrivingError;
+use rigident_device::platform::{Said, Trace};
 use rigident_io::behind::Behind;
 
 /// A file of JSON objects, one a line: `t_s` since it was begun, and one other key that names what it is.
 #[derive(Clone)]
-pub(crate) struct TraceFile {
+pub struct TraceFile {
     file: Arc<Mutex<Behind>>,
     path: PathBuf,
     begun: Instant,
@@ -26,18 +26,19 @@ impl TraceFile {
     ///
     /// # Errors
     /// It cannot be made.
-    pub(crate) fn create(path: PathBuf) -> Result<Self, Failure> {
-        let file = File::create_new(&path).map_err(|e| Failure::input(format!("{}: {e}", path.display())))?;
+    pub fn create(path: PathBuf) -> Result<Self, DrivingError> {
+        let file =
+            File::create_new(&path).map_err(|error| DrivingError::File { path: path.clone(), error })?;
         Ok(Self { file: Arc::new(Mutex::new(Behind::file(file))), path, begun: Instant::now() })
     }
 
     /// Returns where it is.
-    pub(crate) fn path(&self) -> &Path {
+    pub fn path(&self) -> &Path {
         &self.path
     }
 
     /// Notes something under a name.
-    pub(crate) fn note(&self, name: &str, value: &Value) {
+    pub fn note(&self, name: &str, value: &Value) {
         let line = json!({ "t_s": self.begun.elapsed().as_secs_f64(), name: value });
         let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
         // A disk that is full ends the recording, which says so; nothing that moves waits for this file.
@@ -45,7 +46,7 @@ impl TraceFile {
     }
 
     /// Returns what notes commands and replies as they go.
-    pub(crate) fn of_the_line(&self) -> Trace {
+    pub fn of_the_line(&self) -> Trace {
         let own = self.clone();
         Arc::new(move |said| match said {
             Said::Command(command) => own.note("command", &json!(command)),
