@@ -6,6 +6,7 @@ mod arm;
 mod arm_incidents;
 mod device_commands;
 mod drivers;
+mod library;
 mod live;
 mod runs;
 mod streams;
