@@ -47,13 +47,13 @@ enum Ended {
 }
 
 impl Session {
-    /// Follows programs decided one after the other, as [`Session::follow`] follows one. The device runs all
-    /// the while; its factor is read between segments.
+    /// Follows programs decided one after the other, as [`Session::follow_unchecked`] follows one, and checks
+    /// as little. The device runs all the while; its factor is read between segments.
     ///
     /// # Errors
     /// The error that prevents a start. Anything later is stated in [`Take::broken`], with what was taken
     /// before.
-    pub fn follow_decided(
+    pub fn follow_decided_unchecked(
         &mut self,
         platform: &mut dyn Platform,
         director: &mut dyn Director,

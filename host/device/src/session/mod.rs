@@ -132,7 +132,7 @@ pub struct Session {
     of_two_links: bool,
     /// True if the device was set to end a run by itself.
     stops_itself: bool,
-    /// [`Session::follow`] ends a program after this long, s of the device's clock.
+    /// [`Session::follow_unchecked`] ends a program after this long, s of the device's clock.
     pub at_most_s: Option<f64>,
     /// Ends a motion before the load cell is overloaded.
     pub load_guard: Option<LoadGuard>,
@@ -210,10 +210,13 @@ impl Session {
 
     /// Starts the device and the loaded `program`, follows both to the end, and fetches the factor.
     ///
+    /// Nothing is checked before: neither limits nor load, nobody is asked, and the guards are those that the
+    /// session was given. A real platform is driven by `rigident::application::driving`.
+    ///
     /// # Errors
     /// The error that prevents a start. Anything later is stated in [`Take::broken`], with what was taken
     /// before.
-    pub fn follow(
+    pub fn follow_unchecked(
         &mut self,
         platform: &mut dyn Platform,
         program: &MotionProgram,

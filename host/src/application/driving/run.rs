@@ -74,8 +74,8 @@ impl<'a> AtStart<'a> {
         at.hear(&format!("the experiment takes {most}{longest_s:.0} s"));
         session.at_most_s = request.options.at_most_s;
         let take = match (&mut directing, &request.fixed) {
-            (Some(directing), _) => session.follow_decided(platform, directing, observer),
-            (None, Some(program)) => session.follow(platform, program, observer),
+            (Some(directing), _) => session.follow_decided_unchecked(platform, directing, observer),
+            (None, Some(program)) => session.follow_unchecked(platform, program, observer),
             (None, None) => return Err(DrivingError::NoChoice.into()),
         }
         .map_err(DrivingError::from)?;

@@ -207,8 +207,8 @@ impl<'a> Motion<'a> {
         watcher: &mut Watcher,
     ) -> Result<Take, Failure> {
         match (&mut self.directing, &self.fixed) {
-            (Some(directing), _) => session.follow_decided(platform, directing, watcher),
-            (None, Some(program)) => session.follow(platform, program, watcher),
+            (Some(directing), _) => session.follow_decided_unchecked(platform, directing, watcher),
+            (None, Some(program)) => session.follow_unchecked(platform, program, watcher),
             (None, None) => return Err(Failure::input("there is no motion program")),
         }
         .map_err(Failure::link)
@@ -314,7 +314,7 @@ fn weighed(
         segments: vec![Segment::Hold { duration_s: WEIGHED_S }],
     };
     platform.load(&rest).map_err(Failure::link)?;
-    let take = session.follow(&mut platform, &rest, &mut Watcher::new(0)).map_err(Failure::link)?;
+    let take = session.follow_unchecked(&mut platform, &rest, &mut Watcher::new(0)).map_err(Failure::link)?;
     let rest = at_rest(&take.readings, file.imu.first()).map_err(Error::from)?;
     Ok(weigh(&rest, file, &TERMINAL).map_err(Error::from)?)
 }
