@@ -4,6 +4,7 @@
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use rigident_io::rig::RigFile;
 
+use super::{imus, named};
 use crate::page::escape;
 use rigident_identify::answer::Answer;
 
@@ -26,8 +27,7 @@ struct Scene {
 impl Scene {
     fn new(answer: &Answer, rig: &RigFile) -> Self {
         let mut points: Vec<(&'static str, String, Vector3<f64>)> = Vec::new();
-        for (k, imu) in rig.imu.iter().enumerate() {
-            let name = if rig.imu.len() == 1 { "IMU".to_owned() } else { format!("IMU {}", k + 1) };
+        for (name, imu) in named(imus(answer, rig)) {
             points.push(("imu", name, Vector3::from(imu.position_m)));
         }
         if let Some(com) = answer.com_m {

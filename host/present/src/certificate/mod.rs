@@ -4,7 +4,7 @@
 mod drawing;
 mod results;
 
-use rigident_io::rig::{CertificateTable, RigFile};
+use rigident_io::rig::{CertificateTable, ImuTable, RigFile};
 
 use super::page::{END, beginning_with, escape, fact, notes};
 use super::quantities::headline;
@@ -91,8 +91,7 @@ impl Certified<'_> {
                 has_springs || is_there(&cell.calibrated_on),
             ),
         ]);
-        let imus = if rests_on_imu(answer) { &self.rig.imu[..] } else { &[] };
-        for imu in imus {
+        for imu in imus(answer, self.rig) {
             wanted.extend([
                 ("imu.serial", "serial number of the IMU", is_there(&imu.serial)),
                 ("imu.calibrated_on", "calibration of the IMU", is_there(&imu.calibrated_on)),
@@ -195,9 +194,7 @@ impl Certified<'_> {
         if self.rig.suspension.is_none() {
             row("Load cell", cell.serial.as_deref(), cell.calibrated_on.as_deref(), None);
         }
-        let imus = if rests_on_imu(answer) { &self.rig.imu[..] } else { &[] };
-        for (k, imu) in imus.iter().enumerate() {
-            let name = if imus.len() == 1 { "IMU".to_owned() } else { format!("IMU {}", k + 1) };
+        for (name, imu) in named(imus(answer, self.rig)) {
             row(&name, imu.serial.as_deref(), imu.calibrated_on.as_deref(), None);
         }
         if let Some(calibration) = self.rig.calibrated() {
@@ -270,14 +267,22 @@ impl Certified<'_> {
     }
 }
 
-/// Returns false where the errors counted are of others than an IMU: gravity was stated, pose by pose.
-fn rests_on_imu(answer: &Answer) -> bool {
+/// Returns the IMUs that an answer rests on: none where all errors counted are of others, as where gravity is
+/// stated pose by pose.
+fn imus<'a>(answer: &Answer, rig: &'a RigFile) -> &'a [ImuTable] {
     let of_imu = |group: &str| {
         matches!(group, "lever arm" | "IMU rotation")
             || group.starts_with("gyro")
             || group.starts_with("accelerometer")
     };
-    answer.errors.is_empty() || answer.errors.iter().any(|error| of_imu(&error.group))
+    let is_used = answer.errors.is_empty() || answer.errors.iter().any(|error| of_imu(&error.group));
+    if is_used { &rig.imu } else { &[] }
+}
+
+/// Returns IMUs with their names.
+fn named(imus: &[ImuTable]) -> impl Iterator<Item = (String, &ImuTable)> {
+    let name = |k: usize| if imus.len() == 1 { "IMU".to_owned() } else { format!("IMU {}", k + 1) };
+    imus.iter().enumerate().map(move |(k, imu)| (name(k), imu))
 }
 
 /// Returns the day of a date and time.
