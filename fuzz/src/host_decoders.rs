@@ -16,6 +16,7 @@ use rigident::model::base::{Situation, base_parameters};
 use rigident::model::rows::Rows;
 use rigident::model::{check, write};
 use rigident::motion_capture::c3d::C3d;
+use rigident::motion_capture::motive::Take;
 use rigident::motion_capture::opensim::model::OsimModel;
 use rigident::motion_capture::opensim::storage::Storage;
 use rigident::motion_capture::opensim::trc::Trc;
@@ -37,9 +38,12 @@ pub fn c3d_file(bytes: &[u8]) {
     }
 }
 
-/// Any text as OpenSim's files: no panic, tables as large as they say, and a model that is written with other
-/// bodies and read again.
+/// Any text as OpenSim's files, or as Motive's CSV: no panic, tables as large as they say, and a model that
+/// is written with other bodies and read again.
 pub fn opensim_text(bytes: &[u8]) {
+    if let Ok(take) = Take::read(bytes) {
+        assert_eq!(take.points_m.len() % take.labels.len(), 0);
+    }
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     if let Ok(markers) = Trc::parse(text) {
         assert_eq!(markers.points_m.len() % markers.labels.len().max(1), 0);

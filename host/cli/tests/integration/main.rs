@@ -9,6 +9,7 @@ mod autocorrelation;
 mod bags_independent;
 mod body_contacts;
 mod body_identify;
+mod body_motive;
 mod body_rows;
 mod c3d_independent;
 mod calibrate_joints;

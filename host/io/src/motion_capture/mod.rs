@@ -8,6 +8,7 @@
 pub mod c3d;
 pub mod ground;
 pub mod markers;
+pub mod motive;
 pub mod opensim;
 pub mod registration;
 pub mod trial;

@@ -8,6 +8,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::c3d::{C3d, C3dError, Plate};
 use super::ground::{GroundWrench, Means, Placed, with_room};
 use super::markers::Markers;
+use super::motive::{MotiveError, Take};
 use super::opensim::OpenSimError;
 use super::opensim::ground_reaction::ground_wrenches;
 use super::opensim::storage::Rows;
@@ -29,8 +30,8 @@ pub enum TrialError {
     },
     /// The ending is none that is known.
     #[error(
-        "{0} is no trial by its name: it must end in .c3d or .trc; of markers in other forms, as in Motive's \
-         CSV, export one of these"
+        "{0} is no trial by its name: it must end in .c3d, .trc, or .csv of OptiTrack's Motive; of markers in \
+         other forms export one of these"
     )]
     UnknownKind(String),
     /// It is no C3D file that can be read.
@@ -40,6 +41,14 @@ pub enum TrialError {
         name: String,
         /// The fault.
         error: C3dError,
+    },
+    /// It is no CSV of Motive that can be read.
+    #[error("{name}: {error}")]
+    Motive {
+        /// The file.
+        name: String,
+        /// The fault.
+        error: MotiveError,
     },
     /// It is no text file of OpenSim's that can be read.
     #[error("{name}: {error}")]
@@ -166,7 +175,7 @@ impl Trial {
         let points = || trc.read(frames).map_err(|error| refuse(name, error));
         let (trc, wrenches) = parallel::both(points, forces);
         let (trc, wrenches) = (trc?, wrenches?);
-        let mut trial = Self {
+        Self {
             name: name.to_owned(),
             rate_hz: trc.rate_hz,
             first_s: trc.first_s,
@@ -174,16 +183,52 @@ impl Trial {
             labels: trc.labels,
             ground: wrenches,
             notes: Vec::new(),
-        };
-        trial.forget_zeros();
-        trial.same_signs()?;
-        trial.turn_markers()?;
-        trial.turn_upright(Vector3::y())?;
-        Ok(trial)
+        }
+        .beside_forces()
     }
 
-    /// Reads a trial from a C3D file, or a TRC file with the ground's wrenches of a MOT or STO file, where
-    /// there is one.
+    /// Returns the trial of a CSV of Motive, with the ground's wrenches of a MOT or STO file beside it.
+    ///
+    /// # Errors
+    /// [`TrialError`] says what is wrong with which.
+    pub fn of_motive(
+        name: &str,
+        markers: impl BufRead,
+        ground: Option<(&str, impl BufRead)>,
+    ) -> Result<Self, TrialError> {
+        let refuse = |error| TrialError::Motive { name: name.to_owned(), error };
+        let take = Take::read(markers).map_err(refuse)?;
+        let count = take.points_m.len() / take.labels.len().max(1);
+        let ground = ground.map(|(name, reader)| {
+            let rows = Rows::new(reader).and_then(|rows| ground_wrenches(rows, count, take.rate_hz));
+            rows.map_err(|error| TrialError::OpenSim { name: name.to_owned(), error })
+        });
+        Self {
+            name: name.to_owned(),
+            rate_hz: take.rate_hz,
+            first_s: take.first_s,
+            markers: Markers::new(take.labels.len(), take.points_m),
+            labels: take.labels,
+            ground: ground.transpose()?.unwrap_or_default(),
+            notes: take.notes,
+        }
+        .beside_forces()
+    }
+
+    /// Returns markers beside forces of another file in axes whose z points up.
+    fn beside_forces(mut self) -> Result<Self, TrialError> {
+        if self.ground.is_empty() {
+            self.notes.push("there are no forces of the ground".to_owned());
+        }
+        self.forget_zeros();
+        self.same_signs()?;
+        self.turn_markers()?;
+        self.turn_upright(Vector3::y())?;
+        Ok(self)
+    }
+
+    /// Reads a trial from a C3D file, or from a TRC file or a CSV of Motive with the ground's wrenches of a
+    /// MOT or STO file, where there is one.
     ///
     /// # Errors
     /// [`TrialError`] says what is wrong with which file.
@@ -198,11 +243,16 @@ impl Trial {
         let shown = path.display().to_string();
         let mut trial = match extension(path).as_str() {
             "c3d" => Self::of_c3d(&shown, open(path)?)?,
-            "trc" => {
+            kind @ ("trc" | "csv") => {
                 let beside = ground.map(Path::to_path_buf).or_else(|| beside(path));
                 let mut own = beside.map(|p| Ok((p.display().to_string(), open(&p)?))).transpose()?;
                 let own = own.as_mut().map(|(name, reader)| (name.as_str(), reader));
-                Self::of_trc(&shown, open(path)?, own)?
+                let markers = open(path)?;
+                if kind == "trc" {
+                    Self::of_trc(&shown, markers, own)?
+                } else {
+                    Self::of_motive(&shown, markers, own)?
+                }
             }
             _ => return Err(TrialError::UnknownKind(shown)),
         };

@@ -36,10 +36,11 @@ pub enum BodyCommand {
                   cannot be read.\n\nExamples:\n  rigident body markers walk.c3d --page walk.html\n  \
                   rigident body markers walk.trc --json")]
 pub struct BodyMarkers {
-    /// A trial: C3D or TRC
+    /// A trial: C3D, TRC, or CSV of Motive
     #[arg(value_name = "TRIAL")]
     pub trial: PathBuf,
-    /// Forces of the ground for a TRC trial: MOT or STO. Default: NAME_grf.mot or NAME_grf.sto beside it
+    /// Forces of the ground for a TRC or CSV trial: MOT or STO. Default: NAME_grf.mot or NAME_grf.sto beside
+    /// it
     #[arg(long, value_name = "FILE")]
     pub ground: Option<PathBuf>,
     /// Write a page that plays the markers and the forces over time to this new file
@@ -119,8 +120,8 @@ impl From<TableOf> for Sex {
 /// `rigident body identify`
 #[derive(Args, Debug, Clone)]
 #[command(
-    after_help = "A trial is a C3D file with force plates, or a TRC file with the ground's forces beside it: \
-                  walk_grf.mot to walk.trc, or --ground FILE. Markers are known by their names (Plug-in \
+    after_help = "A trial is a C3D file with force plates, or a TRC file or a CSV of OptiTrack's Motive with \
+                  the ground's forces beside it: walk_grf.mot to walk.trc, or --ground FILE. Markers are known by their names (Plug-in \
                   Gait, OpenSim's examples and the like); joint centres come from all trials together. \
                   Frames in which a foot is off the plates are dropped, and counted.\n\nEach trial is a \
                   motion with a factor of its own; a single one is cut into parts. Every motion is predicted \
@@ -134,13 +135,13 @@ impl From<TableOf> for Sex {
                   walk.c3d --tare squat.c3d"
 )]
 pub struct IdentifyBody {
-    /// Trials: C3D, or TRC with a MOT or STO file beside it
+    /// Trials: C3D, or TRC or Motive's CSV with a MOT or STO file beside it
     #[arg(required = true, value_name = "TRIAL")]
     pub trials: Vec<PathBuf>,
     /// A trial in which the person stands upright
     #[arg(long = "static", value_name = "TRIAL")]
     pub standing: Option<PathBuf>,
-    /// Forces of the ground for each TRC trial, in their order: MOT or STO
+    /// Forces of the ground for each TRC or CSV trial, in their order: MOT or STO
     #[arg(long, value_name = "FILE")]
     pub ground: Vec<PathBuf>,
     /// Which segment markers are on whose names say nothing: a TOML file
