@@ -130,8 +130,12 @@ fn readings(errors: &Errors, seed: u64) -> Vec<Reading<f64>> {
 }
 
 fn identified(rig: &str, errors: &Errors, seed: u64) -> Fit {
+    fitted(rig, readings(errors, seed))
+}
+
+fn fitted(rig: &str, readings: Vec<Reading<f64>>) -> Fit {
     let rig = RigFile::parse(rig).unwrap();
-    let input = prepare::input(&rig, readings(errors, seed), false, RATE_HZ);
+    let input = prepare::input(&rig, readings, false, RATE_HZ);
     let source = BodySource::new(input, rig.imu.first());
     fit(&source, &FitOptions::default(), &Silent).unwrap()
 }
@@ -325,4 +329,44 @@ fn honest_recordings_with_noisy_imus_are_neither_accused_nor_wrong() {
             }
         }
     }
+}
+
+/// Readings with noise of the load cell that is exponentially correlated, of time constants from 0.04 to 20 s
+/// an octave apart: 1/f, of this standard deviation in all.
+fn with_flicker(mut readings: Vec<Reading<f64>>, sigma: [f64; 6], seed: u64) -> Vec<Reading<f64>> {
+    const OCTAVES: i32 = 10;
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let kept = |octave: i32| (-1.0 / (0.04 * 2f64.powi(octave) * RATE_HZ)).exp();
+    let mut state = [[0.0; 6]; OCTAVES as usize];
+    for (n, reading) in readings.iter_mut().enumerate() {
+        let mut wrench = reading.wrench.array();
+        for (octave, state) in (0..OCTAVES).zip(&mut state) {
+            let kept = if n == 0 { 0.0 } else { kept(octave) };
+            for (c, own) in state.iter_mut().enumerate() {
+                let fresh: f64 = StandardNormal.sample(&mut random);
+                *own = kept * *own + (1.0 - kept * kept).sqrt() * fresh;
+                wrench[c] += sigma[c] * *own / f64::from(OCTAVES).sqrt();
+            }
+        }
+        reading.wrench = Wrench::from_array(wrench);
+    }
+    readings
+}
+
+/// Slow motion, whose gyro tells little, beside a load cell with 1/f noise: the errors of the rig that such
+/// noise resembles are not accused. A gyro that reads a tenth too little beside white noise still is.
+#[test]
+fn slow_noise_of_the_load_cell_accuses_no_error_of_the_rig() {
+    let rig = "[[imu]]\nposition_m = [0.05, -0.02, 0.03]\n";
+    for seed in 0..4 {
+        let slow = Errors { faster: 0.25, ..NONE };
+        let noisy = with_flicker(readings(&slow, seed), [0.1, 0.1, 0.1, 0.004, 0.004, 0.004], seed);
+        let fit = fitted(rig, noisy);
+        assert_eq!(contradictions(&fit), Vec::<String>::new(), "{seed}");
+        assert!(!fit.lack_of_fit.contradicts(), "{seed}: {:?}", fit.lack_of_fit);
+        let mass = fit.estimate.measured(0).unwrap();
+        assert!((mass.value - MASS).abs() < 2.0 * mass.u95 && mass.u95 < 0.05 * MASS, "{seed}: {mass:?}");
+    }
+    let scaled = identified(rig, &Errors { gyro_scale: -0.1, ..NONE }, 1);
+    assert!(contradictions(&scaled)[0].contains("gyro_scale"), "{:?}", contradictions(&scaled));
 }

@@ -29,6 +29,11 @@ pub(super) struct BeyondWhite {
 }
 
 impl BeyondWhite {
+    /// Returns true if rows are noisier than white noise.
+    pub(super) fn is_any(&self) -> bool {
+        self.slow.is_some() || self.repeated > 1.0
+    }
+
     /// Returns rows over all columns as noisy as that; their variance is `scale` times that which is stated.
     pub(super) fn noisier(&self, rows: &Factor, scale: f64) -> Factor {
         let slow = self.slow.as_ref().map(|slow| slow.noisier(rows, scale));
@@ -52,7 +57,7 @@ impl Engine<'_> {
             return conclusion;
         }
         for _ in 0..MODEL_ERROR_ROUNDS {
-            let nuisances = self.nuisance_fits(pass, &conclusion);
+            let nuisances = self.nuisance_fits(pass, &conclusion.joint);
             let is_other = nuisances.iter().any(|k| k.nuisance.is_of_friction() && k.is_contradicted());
             if !is_other && !contradict(&nuisances, self.agreement(pass, &conclusion.joint).0) {
                 break;

@@ -2,15 +2,33 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::conclusion::BeyondWhite;
 use super::{Conclusion, Engine, Pass};
 use crate::linearised::Prior;
-use crate::{Agreement, ErrorScores, Estimate, Gaussian, NuisanceFit};
+use crate::{Agreement, ErrorScores, Estimate, Gaussian, Noise, NuisanceFit};
 
 impl Engine<'_> {
-    /// Returns the nuisance parameters as a pass found them.
-    pub(super) fn nuisance_fits(&self, pass: &Pass, conclusion: &Conclusion) -> Vec<NuisanceFit> {
+    /// Returns the estimate of all columns beside noise as it was found, as the answer's own numbers have it:
+    /// slow noise moves errors as it moves parameters.
+    pub(super) fn joint_beside(
+        &self,
+        pass: &Pass,
+        conclusion: &Conclusion,
+        beyond: Option<&BeyondWhite>,
+    ) -> Estimate {
+        match beyond.filter(|beyond| pass.linearised.is_some() && beyond.is_any()) {
+            Some(beyond) => {
+                let rows = beyond.noisier(&conclusion.rows, conclusion.check.variance_scale);
+                self.estimate(&self.columns.with_prior(&rows), 1.0, Noise::Given)
+            }
+            None => conclusion.joint.clone(),
+        }
+    }
+
+    /// Returns the nuisance parameters as a joint estimate of a pass has them.
+    pub(super) fn nuisance_fits(&self, pass: &Pass, joint: &Estimate) -> Vec<NuisanceFit> {
         let n = self.parameters;
-        let Estimate { values, covariance, .. } = &conclusion.joint;
+        let Estimate { values, covariance, .. } = joint;
         if pass.linearised.is_none() {
             return Vec::new();
         }
@@ -30,19 +48,11 @@ impl Engine<'_> {
     }
 
     /// Returns parameters and errors together, as far as they are determined, if something is known of them
-    /// together; autocorrelated rows count as this much noisier.
-    pub(super) fn joint(
-        &self,
-        pass: &Pass,
-        joint: &Estimate,
-        scale: f64,
-        inflation: &[f64],
-    ) -> Option<Gaussian> {
+    /// together.
+    pub(super) fn joint(&self, pass: &Pass, joint: &Estimate) -> Option<Gaussian> {
         pass.linearised.as_ref()?;
         self.source.beforehand()?;
-        let most = inflation.iter().copied().fold(1.0, f64::max);
-        let noisier = (most > 1.0).then(|| self.solve(pass, scale * most * most).joint);
-        let Estimate { values, covariance, determined, .. } = noisier.as_ref().unwrap_or(joint);
+        let Estimate { values, covariance, determined, .. } = joint;
         let kept: Vec<usize> = (0..values.len()).filter(|j| determined.get(*j) == Some(&true)).collect();
         let own = self.source.parameters().iter().map(|p| &p.name);
         let names: Vec<&String> = own.chain(self.columns.nuisances.iter().map(|k| &k.name)).collect();

@@ -17,20 +17,22 @@ impl Engine<'_> {
         mut convergence: Vec<Convergence>,
         forgetting: Option<Span<f64>>,
     ) -> Result<Fit, FitError> {
+        let beyond = forgetting.is_none().then(|| self.beyond_white(&pass, &conclusion));
+        let beside = self.joint_beside(&pass, &conclusion, beyond.as_ref());
         let (nuisances, known) = match forgetting {
-            None => (self.nuisance_fits(&pass, &conclusion), DVector::zeros(self.parameters)),
+            None => (self.nuisance_fits(&pass, &beside), DVector::zeros(self.parameters)),
             Some(span) => self.considered(&pass, &conclusion, span)?,
         };
-        let (agreement, error_scores) = self.agreement(&pass, &conclusion.joint);
+        let (agreement, error_scores) = self.agreement(&pass, &beside);
         let is_refused = self.options.verdict_alone && contradict(&nuisances, agreement);
         let lack_of_fit = if forgetting.is_some() || is_refused {
             LackOfFit::default()
         } else {
             self.lack_of_fit(&pass, &conclusion)
         };
-        let found = self.found(&pass, &conclusion, &lack_of_fit, forgetting);
+        let found = self.found(&pass, &conclusion, beyond, &lack_of_fit);
         let inflation = found.inflation();
-        let joint = self.joint(&pass, &conclusion.joint, conclusion.check.variance_scale, inflation);
+        let joint = self.joint(&pass, &beside);
         let channels = self.channel_fits(&pass, &conclusion);
         let Conclusion { check, residuals, factor, solved, rows, estimate, .. } = conclusion;
         let mut white = Solution { factor, solved, rows, estimate };

@@ -1,7 +1,5 @@
 //! All that makes intervals wider than white noise alone, in the order of docs/estimation.md.
 
-use rigident_shared::forgetting::Span;
-
 use super::conclusion::BeyondWhite;
 use super::{Conclusion, Engine, Pass};
 use crate::lack_of_fit::LackOfFit;
@@ -29,7 +27,9 @@ impl Found {
 
     /// Returns true if rows are any noisier than white.
     fn is_any(&self) -> bool {
-        self.inflation().iter().any(|by| *by > 1.0) || is_shift(&self.bias) || is_shift(&self.change)
+        self.beyond.as_ref().is_some_and(BeyondWhite::is_any)
+            || is_shift(&self.bias)
+            || is_shift(&self.change)
     }
 
     /// Returns rows over all columns as noisy as was found: `R φ = z + n` with
@@ -58,17 +58,18 @@ pub(super) struct Widened {
 }
 
 impl Engine<'_> {
-    /// Looks for what is beyond white noise.
+    /// Returns what makes intervals wider than white noise alone: `beyond` that, where no rows are forgotten,
+    /// noise of signals, and a change.
     pub(super) fn found(
         &self,
         pass: &Pass,
         conclusion: &Conclusion,
+        beyond: Option<BeyondWhite>,
         lack_of_fit: &LackOfFit,
-        forgetting: Option<Span<f64>>,
     ) -> Found {
         let (bias, spurious_information) = self.signal_bias(pass, conclusion);
         Found {
-            beyond: forgetting.is_none().then(|| self.beyond_white(pass, conclusion)),
+            beyond,
             bias,
             change: (0..self.parameters).map(|j| lack_of_fit.shift(j)).collect(),
             spurious_information,
