@@ -142,7 +142,7 @@ impl Loaded {
         options: &ProblemOptions,
         caller: &Caller<'_>,
     ) -> Result<Self, Error> {
-        recording.leave_out_spikes();
+        recording.leave_out_bad_readings();
         let mut notes = change_as_recorded(&mut nominal, changes, &recording, caller)?;
         caller.stage("frames of the recording", 0.0);
         let problem = Problem::from_recording(&recording, Some(&nominal), options)?;
@@ -227,7 +227,7 @@ impl Loaded {
         file: Option<&Path>,
         caller: &Caller<'_>,
     ) -> Result<Self, Error> {
-        recording.leave_out_spikes();
+        recording.leave_out_bad_readings();
         calibration::calibrate(&mut recording.rig, file)?;
         let joints = joints_of(&recording);
         let looked_at = diagnosis::looked_at(&recording);

@@ -74,7 +74,7 @@ pub struct StillPoses {
 pub fn statics(recording: &Path, options: &StaticsOptions) -> Result<StillPoses, Error> {
     let reference = options.reference.checked_sub(1).ok_or(StaticsError::CountedFromOne)?;
     let mut recording = Recording::load(recording, options.rig.as_deref())?;
-    recording.leave_out_spikes();
+    recording.leave_out_bad_readings();
     let input = prepare(&recording).map_err(ProblemError::from)?.input;
     let held = held(&input);
     let found = statics::statics(&held, input.channel_sigma.as_ref(), reference)?;

@@ -234,7 +234,7 @@ fn prepared(
     caller.stage(&format!("reading {}", path.display()), 0.0);
     let (mut model, _) = tree_of(path, rig, &options.tree)?.ok_or(WatchError::NoModel)?;
     let mut recording = Recording::load(path, rig)?;
-    recording.leave_out_spikes();
+    recording.leave_out_bad_readings();
     let notes = change_as_recorded(&mut model, &options.tree.changes, &recording, caller)?;
     let prepared = prepare(&recording, &model, &ProblemOptions::default())?;
     let limits = watched::WatchOptions { false_alarms_per_hour: rate, settle_s };

@@ -31,7 +31,7 @@ pub fn recording(name: &str, rig: &RigFile, rate_hz: f64, readings: &[Reading<f6
 /// holds still, so that it is dropped; a channel that is dead breaks the take. Returns what was left out, in
 /// words.
 pub fn judge(recording: &mut Recording, take: &mut Take) -> Vec<String> {
-    let left_out = leave_out_spikes(recording, &mut take.readings);
+    let left_out = leave_out_bad_readings(recording, &mut take.readings);
     if !left_out.is_empty() {
         take.factor = None;
     }
@@ -55,8 +55,8 @@ pub fn dead(recording: &Recording) -> Option<String> {
 
 /// Leaves out the rows of a run in which an IMU's channel is far off, and the readings of one body that they
 /// are; returns what was left out, in words. The device's factor holds these rows still.
-pub fn leave_out_spikes(recording: &mut Recording, readings: &mut Vec<Reading<f64>>) -> Vec<String> {
-    recording.leave_out_spikes();
+pub fn leave_out_bad_readings(recording: &mut Recording, readings: &mut Vec<Reading<f64>>) -> Vec<String> {
+    recording.leave_out_bad_readings();
     let said = std::mem::take(&mut recording.warnings);
     if !said.is_empty() {
         readings.retain(|reading| recording.time_ns.binary_search(&reading.time_ns).is_ok());
@@ -92,11 +92,11 @@ mod tests {
         assert_eq!(dead(&of(&alive)), None);
         let mut taken = readings(|k| if k == 200 { 35.0 } else { alive(k) });
         let mut spoilt = recording("run", &rig, 200.0, &taken);
-        let said = leave_out_spikes(&mut spoilt, &mut taken);
+        let said = leave_out_bad_readings(&mut spoilt, &mut taken);
         assert!(said.len() == 1 && said[0].contains("imu_gy_radps"), "{said:?}");
         // With the readings beside it, which it makes appear far off, too.
         assert!((397..400).contains(&taken.len()) && spoilt.rows() == taken.len(), "{}", taken.len());
         assert!(taken.iter().all(|r| r.time_ns != 200 * 5_000_000));
-        assert!(leave_out_spikes(&mut spoilt, &mut taken).is_empty());
+        assert!(leave_out_bad_readings(&mut spoilt, &mut taken).is_empty());
     }
 }

@@ -1,5 +1,5 @@
 //! The evidence of a channel's own readings about its sensor: one that never changes is dead, a lone reading
-//! far off its neighbours is a spike.
+//! far off its neighbours is a spike, and of many at one extreme value the sensor is saturated.
 //!
 //! A single bad reading on the device is [`rigident_shared::screening`]'s; here the whole recording is there
 //! to compare it with.
@@ -24,6 +24,17 @@ const NEAR: usize = 12;
 /// The standard deviation of normal noise over the median of its size.
 const MEDIAN_TO_SD: f64 = 1.0 / 0.674_489_75;
 
+/// Readings at the limit of a saturated channel at least, and over those at any of this many values next to
+/// it: of a motion that turns there half as many are at the next value.
+const LEAST_AT_LIMIT: usize = 8;
+const AT_LIMIT: usize = 5;
+const NEXT: usize = 20;
+/// Noise of a channel over the step between its values, at least: with less it may rest at its extreme value.
+const LEAST_STEP: f64 = 0.5;
+
+/// At this share of its stated range a channel is rejected as saturated.
+const NEARLY: f64 = 0.999;
+
 /// Noise of a sensor over what its channel does, at least.
 const LEAST_NOISE: f64 = 1e-5;
 
@@ -39,11 +50,16 @@ impl Channel {
         self.values.windows(2).all(|pair| matches!(pair, [a, b] if a == b))
     }
 
-    /// Returns true if neighbouring readings are apart as noise is, up and down in turn, and not as a smooth
-    /// motion is: of the fourth differences of white noise four in five have another sign than the one before
-    /// (their correlation is −0.8), of a motion's hardly any. Decimals that a file lacks are noise of less
-    /// than [`LEAST_NOISE`] of what the channel does.
+    /// Returns true if there is noise.
     fn is_noisy(&self) -> bool {
+        self.noise().is_some()
+    }
+
+    /// Returns the standard deviation of the noise, if neighbouring readings are apart as noise is, up and down
+    /// in turn, and not as a smooth motion is: of the fourth differences of white noise four in five have
+    /// another sign than the one before (their correlation is −0.8), of a motion's hardly any. Decimals that a
+    /// file lacks are noise of less than [`LEAST_NOISE`] of what the channel does.
+    fn noise(&self) -> Option<f64> {
         let fourth = |w: &[f64]| match w {
             [a, b, c, d, e] => a - 4.0 * b + 6.0 * c - 4.0 * d + e,
             _ => 0.0,
@@ -53,7 +69,7 @@ impl Channel {
         let mut sizes: Vec<f64> = differences.iter().map(|d| d.abs()).collect();
         let middle = sizes.len() / 2;
         if sizes.is_empty() || 2 * turns < sizes.len() {
-            return false;
+            return None;
         }
         let median = *sizes.select_nth_unstable_by(middle, f64::total_cmp).1;
         // 1 + 16 + 36 + 16 + 1
@@ -61,7 +77,37 @@ impl Channel {
         let count = self.values.len() as f64;
         let mean = self.values.iter().sum::<f64>() / count;
         let variance = self.values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / count;
-        noise > LEAST_NOISE * variance.sqrt()
+        Some(noise).filter(|noise| *noise > LEAST_NOISE * variance.sqrt())
+    }
+
+    /// Returns the limits at which the channel is saturated: extreme values that are read many times, where the
+    /// values next to them, which noise makes as likely, are read seldom.
+    fn limits(&self) -> Vec<f64> {
+        let extremes = [f64::max as fn(f64, f64) -> f64, f64::min];
+        let extremes = extremes.map(|of| self.values.iter().copied().reduce(of).unwrap_or(f64::NAN));
+        let often = |limit: &f64| {
+            self.values.iter().filter(|v| *v == limit).take(LEAST_AT_LIMIT).count() >= LEAST_AT_LIMIT
+        };
+        let mut limits: Vec<f64> = extremes.into_iter().filter(often).collect();
+        if limits.is_empty() {
+            return limits;
+        }
+        let Some(noise) = self.noise() else { return Vec::new() };
+        let mut sorted = self.values.clone();
+        sorted.sort_unstable_by(f64::total_cmp);
+        limits.retain(|limit| {
+            let mut values: Vec<&[f64]> = sorted.chunk_by(|a, b| a == b).collect();
+            if values.last().and_then(|own| own.first()) == Some(limit) {
+                values.reverse();
+            }
+            let next = values.iter().skip(1).take(NEXT);
+            let often = next.clone().map(|own| own.len()).max().unwrap_or(usize::MAX);
+            let steps = next.clone().zip(next.skip(1)).map(|(a, b)| (a[0] - b[0]).abs());
+            let step = steps.fold(f64::INFINITY, f64::min);
+            values.first().is_some_and(|own| own.len() >= AT_LIMIT.saturating_mul(often))
+                && noise >= LEAST_STEP * step
+        });
+        limits
     }
 
     /// Returns the rows that hold a spike, in order; `is_even` tells of each row if none is missing beside
@@ -153,13 +199,24 @@ impl Recording {
         pairs
     }
 
-    /// Leaves out the rows in which an IMU's channel, or a joint's position or rate, has a spike, and tells
-    /// of them by channel. Wrench and efforts are not examined: rows that they have spoilt weigh less in the
-    /// fit.
-    pub fn leave_out_spikes(&mut self) {
+    /// Leaves out the rows in which an IMU's channel, or a joint's position or rate, has a spike, and those in
+    /// which a channel of the load cell or an IMU is saturated at a limit that is not stated; tells of them by
+    /// channel. Spikes of wrench and efforts stay: rows that they have spoilt weigh less in the fit.
+    pub fn leave_out_bad_readings(&mut self) {
         if self.is_static || self.rows() < LEAST_ROWS {
             return;
         }
+        let mut out = vec![false; self.rows()];
+        let mut said = self.saturated(&mut out);
+        said.extend(self.spikes(&mut out));
+        if !said.is_empty() {
+            self.keep_rows(&out.iter().map(|o| !o).collect::<Vec<_>>());
+            self.warnings.extend(said);
+        }
+    }
+
+    /// Marks the rows that hold a spike; returns what to know of them.
+    fn spikes(&self, out: &mut [bool]) -> Vec<String> {
         let period_ns = self.rate_hz.map_or(f64::INFINITY, |rate| 1e9 / rate);
         let is_even = |i: usize| {
             let step = |from: usize| {
@@ -169,7 +226,6 @@ impl Recording {
             i > 0 && step(i - 1) && step(i)
         };
         let is_even: Vec<bool> = (0..self.rows()).map(is_even).collect();
-        let mut out = vec![false; self.rows()];
         let mut said = Vec::new();
         let imus = self.sensors().into_iter().skip(1).flatten();
         let joints = self.joint_channels(&MOTION);
@@ -185,10 +241,45 @@ impl Recording {
             ));
             rows.iter().filter_map(|row| out.get_mut(*row).map(|o| *o = true)).for_each(drop);
         }
-        if !said.is_empty() {
-            self.keep_rows(&out.iter().map(|o| !o).collect::<Vec<_>>());
-            self.warnings.extend(said);
+        said
+    }
+
+    /// Marks the rows in which a channel is saturated at a limit that is not stated; returns what to know of
+    /// them. At a stated range rows are rejected later.
+    fn saturated(&self, out: &mut [bool]) -> Vec<String> {
+        let mut said = Vec::new();
+        let own = |group: &Group| !self.derived.contains(group);
+        for group in self.sensors().into_iter().flatten().filter(own) {
+            let key = match group {
+                Group::Wrench => "range_n_nm",
+                Group::Accel(_) => "range_mps2",
+                _ => "range_radps",
+            };
+            for (k, channel) in self.channels(group).enumerate() {
+                let stated = self.range(group, k);
+                for limit in channel.limits().into_iter().filter(|limit| limit.abs() < NEARLY * stated) {
+                    let rows = channel.values.iter().zip(out.iter_mut()).filter(|(v, _)| **v == limit);
+                    let count = rows.map(|(_, out)| *out = true).count();
+                    said.push(format!(
+                        "{count} readings of {} are all {limit}, its extreme value: the channel is saturated \
+                         there, and they are left out. Give its range as {key} in the rig file, or load it less",
+                        channel.name
+                    ));
+                }
+            }
         }
+        said
+    }
+
+    /// Returns the stated range of a channel of a group; infinite if there is none.
+    fn range(&self, group: Group, channel: usize) -> f64 {
+        let stated = match group {
+            Group::Wrench => self.rig.load_cell.range_n_nm.and_then(|range| range.get(channel).copied()),
+            Group::Accel(link) => self.rig.imu_on(link).and_then(|imu| imu.range_mps2),
+            Group::Gyro(link) => self.rig.imu_on(link).and_then(|imu| imu.range_radps),
+            _ => None,
+        };
+        stated.unwrap_or(f64::INFINITY)
     }
 
     /// Returns true if one of the channels of a group may never change: seldom more than two rows are looked
@@ -374,6 +465,33 @@ mod tests {
     }
 
     #[test]
+    fn rows_at_an_unstated_limit_are_left_out_and_a_rest_at_an_extreme_value_is_not() {
+        let clipped = |noise: f64, step: f64, limit: f64| {
+            let mut changed = recording(noise);
+            for w in changed.wrench.iter_mut().flatten() {
+                w[0] = (if step > 0.0 { (w[0] / step).round() * step } else { w[0] }).min(limit);
+            }
+            changed
+        };
+        let kept = |mut recording: Recording| {
+            recording.leave_out_bad_readings();
+            (recording.rows(), recording.warnings.len())
+        };
+        // The upper 4 % of an amplitude of 20: 9 % of the rows in motion.
+        for step in [0.0, 0.01] {
+            let (rows, said) = kept(clipped(0.05, step, 19.2));
+            assert!((2700..2900).contains(&rows) && said == 1, "{rows} {said}");
+            assert_eq!(kept(clipped(0.05, step, 30.0)), (3000, 0));
+        }
+        let mut stated = clipped(0.05, 0.0, 19.2);
+        stated.rig.load_cell.range_n_nm = Some([19.2; 6]);
+        assert_eq!(kept(stated), (3000, 0));
+        // Without noise, and in steps larger than the noise, values repeat where nothing moves.
+        assert_eq!(kept(clipped(0.0, 0.0, 0.0)), (3000, 0));
+        assert_eq!(kept(clipped(0.01, 0.5, 0.0)), (3000, 0));
+    }
+
+    #[test]
     fn a_thinned_recording_has_the_means_of_its_rows_at_their_mean_time() {
         let (whole, thin) = (recording(0.01), recording(0.01).thinned(4));
         assert_eq!((thin.rows(), thin.rate_hz), (750, Some(25.0)));
@@ -415,12 +533,12 @@ mod tests {
     fn a_lone_reading_far_off_is_left_out_and_a_motion_that_begins_is_not() {
         for noise in [1e-6, 1e-3, 0.05] {
             let mut clean = recording(noise);
-            clean.leave_out_spikes();
+            clean.leave_out_bad_readings();
             assert_eq!((clean.rows(), clean.warnings.len()), (3000, 0), "{noise}: {:?}", clean.warnings);
             for (row, size) in [(300, 35.0), (2000, -35.0), (2500, 35.0)] {
                 let mut spoilt = recording(noise);
                 spoilt.imus[0].gyro.as_mut().unwrap()[row][0] += size;
-                spoilt.leave_out_spikes();
+                spoilt.leave_out_bad_readings();
                 let left = &spoilt.imus[0].gyro.as_ref().unwrap();
                 assert!(left.iter().all(|w| w[0].abs() < 2.0), "{noise}, row {row}");
                 assert!((2997..3000).contains(&spoilt.rows()), "{}", spoilt.rows());
@@ -432,7 +550,7 @@ mod tests {
         // A step stays, and so does a load that is put on.
         let mut step = recording(0.01);
         step.imus[0].accel.iter_mut().flatten().skip(500).for_each(|a| a[0] += 30.0);
-        step.leave_out_spikes();
+        step.leave_out_bad_readings();
         assert_eq!(step.rows(), 3000);
     }
 }

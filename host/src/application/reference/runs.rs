@@ -248,7 +248,7 @@ fn one(
     let path = named(path.to_owned());
     caller.stage(&format!("reading {}", path.display()), 0.0);
     let mut recording = Recording::load(&path, options.rig.as_deref())?;
-    recording.leave_out_spikes();
+    recording.leave_out_bad_readings();
     if options.is_uncalibrated {
         recording.rig.calibration = None;
     }

@@ -129,7 +129,7 @@ impl<'a> Replay<'a> {
     ) -> Result<Self, Error> {
         let (rig, calibration) = (options.rig.as_deref(), options.calibration.as_deref());
         let mut recording = Recording::load(path, rig)?;
-        recording.leave_out_spikes();
+        recording.leave_out_bad_readings();
         calibrate(&mut recording.rig, calibration)?;
         let prepared = prepare(&recording).map_err(ProblemError::from)?;
         let (mut notes, mut warnings) = (prepared.notes.clone(), recording.warnings.clone());
@@ -175,7 +175,7 @@ impl<'a> Replay<'a> {
         if recording.wrench.is_none() {
             return Err(DeviceError::NoWrench(path.to_owned()).into());
         }
-        recording.leave_out_spikes();
+        recording.leave_out_bad_readings();
         let mut warnings = recording.warnings.clone();
         let mut notes = change_as_recorded(&mut model, &options.tree.changes, &recording, caller)?;
         let tare = options.fixture(None, &mut notes, &mut warnings, caller)?;

@@ -68,7 +68,7 @@ impl DrivenImu {
     /// IMU.
     pub fn read(recording: &Path, rig: Option<&Path>) -> Result<Self, Error> {
         let mut recording = Recording::load(recording, rig)?;
-        recording.leave_out_spikes();
+        recording.leave_out_bad_readings();
         let prepared = prepare(&recording).map_err(ProblemError::from)?;
         if prepared.gravity_columns || prepared.input.is_static {
             return Err(CalibrateError::NoMotion.into());

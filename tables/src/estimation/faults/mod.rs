@@ -42,7 +42,7 @@ impl Verdict {
 
 /// Identifies a recording as `rigident identify` does; `truth` gives the true parameters of a problem.
 fn verdict(case: &mut Case, truth: &dyn Fn(&Problem) -> Vec<Option<f64>>) -> Verdict {
-    case.recording.leave_out_spikes();
+    case.recording.leave_out_bad_readings();
     let refused = |said: String| Verdict { status: Status::Failed, said, worst: 0.0 };
     let problem = match Problem::from_recording(&case.recording, case.model.as_ref(), &case.options) {
         Ok(problem) => problem,
