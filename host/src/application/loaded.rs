@@ -15,7 +15,7 @@ use rigident_identify::answer::{self, Answer, Context, Drift, Links, Source, Sta
 use rigident_identify::diagnosis::{self, Case};
 use rigident_identify::problem::clocks::{StreamSet, as_stamped};
 use rigident_identify::problem::{Problem, ProblemError, ProblemOptions, Subject};
-use rigident_io::recording::Recording;
+use rigident_io::recording::{ImuColumns, Recording};
 use rigident_io::rig::RigFile;
 use rigident_model::Model;
 use rigident_present::TimePlot;
@@ -154,12 +154,22 @@ impl Loaded {
         warnings.extend(problem.rig.calibrated().map(|_| UNUSED_CALIBRATION.to_owned()));
         warnings.extend(nominal.findings.iter().map(ToString::to_string));
         let unused_rows = (rows as u64).saturating_sub(problem.source().samples() as u64);
-        // What a fault does to a robot on its feet is not among those that are tried.
-        let has_feet = !problem.rig.foot.is_empty();
-        let recording = diagnosis::looked_at(&recording);
-        let case = Case { recording, model: Some(nominal.clone()), options: options.clone() };
-        let case = Some(case).filter(|_| !has_feet);
+        let case = Self::case_of_tree(&recording, &problem, &nominal, options);
         Ok(Self { problem, warnings, notes, unused_rows, nominal: Some((nominal, file)), recorded, case })
+    }
+
+    /// Returns what faults of a tree are tried on; `None` of a robot on its feet: what a fault does there is
+    /// not among those that are tried.
+    fn case_of_tree(
+        recording: &Recording,
+        problem: &Problem,
+        nominal: &Model,
+        options: &ProblemOptions,
+    ) -> Option<Case> {
+        let has_feet = !problem.rig.foot.is_empty();
+        let recording = || diagnosis::looked_at(recording);
+        let case = || Case { recording: recording(), model: Some(nominal.clone()), options: options.clone() };
+        (!has_feet).then(case)
     }
 
     /// Poses the problem of a tree in several files with clocks of their own.
@@ -181,8 +191,10 @@ impl Loaded {
         notes.extend(problem.notes.iter().cloned());
         let mut warnings = problem.warnings.clone();
         warnings.extend(nominal.findings.iter().map(ToString::to_string));
+        let aligned = problem.aligned();
+        let case = aligned.and_then(|aligned| Self::case_of_tree(aligned, &problem, &nominal, options));
         let nominal = Some((nominal, file));
-        Ok(Self { problem, warnings, notes, unused_rows: 0, nominal, recorded: None, case: None })
+        Ok(Self { problem, warnings, notes, unused_rows: 0, nominal, recorded: None, case })
     }
 
     /// Reads a recording of one body: one file, or several with clocks of their own.
@@ -330,6 +342,8 @@ impl Loaded {
         rate_hz: Option<f64>,
         gravity_columns: bool,
     ) -> Self {
+        let recording = looked_at(name, rig, &readings, rate_hz, gravity_columns);
+        let case = Case { recording, model: None, options: ProblemOptions::default() };
         let input = prepare::input(rig, readings, rate_hz.is_none(), rate_hz.unwrap_or(1.0));
         let source = Box::new(BodySource::new(input, rig.imu.first()));
         let subject = Subject::Body { source, gravity_columns };
@@ -345,7 +359,7 @@ impl Loaded {
             unused_rows: 0,
             nominal: None,
             recorded: None,
-            case: None,
+            case: Some(case),
         }
     }
 
@@ -361,6 +375,7 @@ impl Loaded {
         let notes = problem.notes.clone();
         let warnings = model.findings.iter().map(ToString::to_string).collect();
         let unused_rows = (recording.rows() as u64).saturating_sub(problem.source().samples() as u64);
+        let case = Self::case_of_tree(&read, &problem, model, &ProblemOptions::default());
         Ok(Self {
             problem,
             warnings,
@@ -368,7 +383,7 @@ impl Loaded {
             unused_rows,
             nominal: Some((model.clone(), None)),
             recorded: recording.recorded(),
-            case: None,
+            case,
         })
     }
 
@@ -458,6 +473,36 @@ impl Loaded {
             }
             Subject::Tree { .. } | Subject::Suspended { .. } => Vec::new(),
         }
+    }
+}
+
+/// Returns the readings of one body that faults are tried on, as a recording.
+fn looked_at(
+    name: &str,
+    rig: &RigFile,
+    readings: &[Reading<f64>],
+    rate_hz: Option<f64>,
+    gravity_columns: bool,
+) -> Recording {
+    let all = 0..readings.len();
+    let part = rate_hz.map_or(all, |_| diagnosis::rows_looked_at(readings.len(), rate_hz));
+    let readings = readings.get(part).unwrap_or_default();
+    let force =
+        |sign: f64| Some(readings.iter().map(|r| r.specific_force.array().map(|v| sign * v)).collect());
+    let imu = ImuColumns {
+        accel: force(1.0),
+        gyro: rate_hz.map(|_| readings.iter().map(|r| r.angular_rate.array()).collect()),
+    };
+    Recording {
+        name: name.to_owned(),
+        rig: rig.clone(),
+        is_static: rate_hz.is_none(),
+        rate_hz,
+        time_ns: readings.iter().map(|r| r.time_ns).collect(),
+        wrench: Some(readings.iter().map(|r| r.wrench.array()).collect()),
+        gravity: if gravity_columns { force(-1.0) } else { None },
+        imus: if gravity_columns { Vec::new() } else { vec![imu] },
+        ..Recording::default()
     }
 }
 

@@ -95,6 +95,14 @@ fn the_fault_of_a_body_s_recording_is_named_and_corrected_by_the_advice() {
             named["what"].as_str().unwrap().contains(cause) && named["confirmed"] == true,
             "{name}: {named}"
         );
+        // The same judgement by way of the device.
+        let replayed = ["replay", &format!("{name}.csv"), "--json", "--out", &format!("{name}.replayed")];
+        let replayed = json(&rigident(at, &replayed));
+        assert_eq!(
+            (&replayed["status"], &replayed["cause"]["what"], &replayed["cause"]["confirmed"]),
+            (&result["status"], &named["what"], &named["confirmed"]),
+            "{name}"
+        );
         let page = fs::read_to_string(at.join(format!("{name}.out/report.html"))).unwrap();
         assert!(
             page.contains(&format!("Not to be used: most likely {cause}"))

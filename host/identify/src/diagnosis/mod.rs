@@ -28,6 +28,7 @@ use rigident_model::Model;
 use rigident_rows::body::{BodySource, prepare};
 use rigident_rows::tree::drive::Friction;
 use std::cell::LazyCell;
+use std::ops::Range;
 
 /// Rows that faults are tried on at first, from the middle of the recording; at least this many seconds.
 const QUICK_ROWS: usize = 2000;
@@ -152,7 +153,7 @@ pub fn judge(
 /// if none does. Where residuals alone speak against the recording, only a fault without which they are at
 /// most this share of what they are (`most`, the product over all channels) explains that.
 pub fn diagnose(case: &Case, most: Option<f64>, progress: &dyn Progress) -> Option<Cause> {
-    let (quick, full) = rows(&case.recording);
+    let (quick, full) = rows(case.recording.rate_hz);
     let mut quick = thinned(&shortened(case, quick));
     if let Some(problem) = case.model.as_ref().and_then(|_| posed(&quick)) {
         quick.options.friction = with_speeds(&quick.options.friction, &problem);
@@ -338,8 +339,8 @@ fn is_plausible(case: &Case) -> bool {
 }
 
 /// Returns the rows that faults are tried on at first, and those that the best are fitted to.
-fn rows(recording: &Recording) -> (usize, usize) {
-    let rate = recording.rate_hz.unwrap_or(1.0);
+fn rows(rate_hz: Option<f64>) -> (usize, usize) {
+    let rate = rate_hz.unwrap_or(1.0);
     (QUICK_ROWS.max((QUICK_S * rate) as usize), (FULL_S * rate) as usize)
 }
 
@@ -361,18 +362,30 @@ fn thinned(case: &Case) -> Case {
 
 /// Returns as many rows of the middle of a recording.
 fn middle(recording: &Recording, rows: usize) -> Recording {
-    let all = recording.rows();
-    if recording.is_static || all <= rows {
+    if recording.is_static || recording.rows() <= rows {
         return recording.clone();
     }
-    let start = (all - rows) / 2;
-    recording.section(start..start + rows)
+    recording.section(middle_of(recording.rows(), rows))
+}
+
+/// Returns the middle of as many rows, at most `rows` of them.
+fn middle_of(all: usize, rows: usize) -> Range<usize> {
+    let start = all.saturating_sub(rows) / 2;
+    start..(start + rows).min(all)
+}
+
+/// Returns the rows that [`diagnose`] examines of as many rows of a moving body at a rate, Hz.
+pub fn rows_looked_at(all: usize, rate_hz: Option<f64>) -> Range<usize> {
+    let (quick, full) = rows(rate_hz);
+    let most = quick.max(full);
+    // As many rows more or fewer on either side: the middle of the middle is that of the whole.
+    middle_of(all, most + all.saturating_sub(most) % 2)
 }
 
 /// Returns the part of a recording that [`diagnose`] examines.
 pub fn looked_at(recording: &Recording) -> Recording {
-    let (quick, full) = rows(recording);
-    let (all, most) = (recording.rows(), quick.max(full));
-    // As many rows more or fewer on either side: the middle of the middle is that of the whole.
-    middle(recording, most + all.saturating_sub(most) % 2)
+    if recording.is_static {
+        return recording.clone();
+    }
+    recording.section(rows_looked_at(recording.rows(), recording.rate_hz))
 }
