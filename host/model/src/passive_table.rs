@@ -20,9 +20,10 @@ const HEAD: [&str; 4] = [
     "# actuators and Pinocchio's model have armature, damping and friction, too.",
 ];
 
-/// Returns the path of the table beside a model: `arm.joints.yaml` of `arm.urdf`.
+/// Returns the path of the table beside a model: `arm.urdf.joints.yaml` of `arm.urdf`, as `arm.sdf` has its
+/// own.
 pub fn path_beside(path: &Path) -> PathBuf {
-    path.with_extension("joints.yaml")
+    path.with_added_extension("joints.yaml")
 }
 
 /// Returns the names of the joints with a rotor or a spring, which readers of URDF or SDF may pass over.

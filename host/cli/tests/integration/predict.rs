@@ -191,7 +191,7 @@ fn written_models_predict_as_their_result_does() {
         let list = "viscous,coulomb:0,rotor";
         let line = ["identify", "first.csv", "--model", "nominal.urdf", "--friction", list];
         let said = rigident(folder, &[&line[..], &["--out", &out, "--write-model", name]].concat());
-        let has_table = folder.join(name).with_extension("joints.yaml").exists();
+        let has_table = folder.join(format!("{name}.joints.yaml")).exists();
         assert_eq!(has_table, k != 1, "{name}");
         assert_eq!(said.contains("are in <drake:rotor_inertia>"), k != 1, "{said}");
         assert_eq!(said.contains("rotors of l1_joint, l2_joint, which no motion tells"), k != 1, "{said}");
