@@ -114,6 +114,11 @@ impl Collisions {
         self.pairs.len()
     }
 
+    /// Returns the distance beyond the clearance at which a pair begins to be kept apart, m.
+    pub fn near_m(&self) -> f64 {
+        self.near_m
+    }
+
     /// Returns what was asked for.
     pub fn apart(&self) -> Apart {
         self.apart

@@ -18,7 +18,9 @@ mod plan;
 pub mod predict;
 pub mod problem;
 pub mod resampled;
+mod start;
 #[cfg(test)]
 mod tests;
 
 pub use plan::{Excitation, ExcitationError, Stage, Task, movable, plan};
+pub use start::clear_start;

@@ -19,7 +19,7 @@ use rigident::plan::excitation::collisions::Apart;
 use rigident::plan::excitation::files::{FileJoint, csv, joint_trajectory, joints};
 use rigident::plan::excitation::information::Measured;
 use rigident::plan::excitation::limits::{GivenLimits, JointLimits, Shares, by_joint};
-use rigident::plan::excitation::{Excitation, Stage, Task, movable, plan};
+use rigident::plan::excitation::{Excitation, Stage, Task, clear_start, movable, plan};
 use rigident::rows::tree::drive::{Drive, Friction};
 use rigident_files::MOST_OF_TEXT;
 use rigident_io::recording::new_file::write_new_text;
@@ -203,7 +203,7 @@ fn prepare(arguments: &PlanExcitation) -> Result<Prepared, Failure> {
     let boxes = if arguments.no_collisions { Boxes::default() } else { round(&robot, arguments, &file)? };
     tell_findings(&robot, &boxes, others);
     let moving: Vec<String> = limits.iter().map(|limits| limits.name.clone()).collect();
-    let task = Task {
+    let mut task = Task {
         measured: measured(arguments, &bodies, &limits)?,
         limits,
         start,
@@ -217,6 +217,13 @@ fn prepare(arguments: &PlanExcitation) -> Result<Prepared, Failure> {
         restarts: arguments.restarts,
         model: bodies,
     };
+    let start = clear_start(&task).map_err(Failure::input)?;
+    if start != task.start {
+        tell!(
+            "rigident: the zero pose touches the floor: it starts in a pose nearby that does not (--start)"
+        );
+        task.start = start;
+    }
     let commanded = commanded(arguments, &held)?;
     Ok(Prepared { file_joints: joints(&whole, &moving, &held, &commanded), task, held, boxes })
 }
