@@ -49,6 +49,34 @@ fn without_a_cause(fit: &Fit, pushing: &[usize]) -> Vec<usize> {
     pushing.iter().copied().filter(is_rotor).filter(|j| alone(*j) && takes_energy(*j)).collect()
 }
 
+/// Returns the numbers of friction and rotors that are not identified for their sign: those of
+/// [`rotors_without_a_cause`], and those whose interval is below zero, though not for certain. No motion of
+/// this recording tells them, whatever the interval says.
+pub(super) fn of_impossible_sign(fit: &Fit) -> Vec<usize> {
+    let mut all = rotors_without_a_cause(fit);
+    all.extend(doubtful(fit));
+    all
+}
+
+/// Returns those that are negative by more than their U95, and not for certain.
+fn doubtful(fit: &Fit) -> Vec<usize> {
+    let certain = pushing(fit);
+    let coverage = fit.data_alone().coverage_factor();
+    below_zero(fit, coverage.min(CERTAIN_SD)).into_iter().filter(|j| !certain.contains(j)).collect()
+}
+
+/// Returns words for friction and rotors whose interval is below zero, though not for certain.
+pub(super) fn doubtful_in_words(fit: &Fit) -> Option<String> {
+    let all: Vec<String> = doubtful(fit).into_iter().filter_map(|j| in_words(fit, j)).collect();
+    (!all.is_empty()).then(|| {
+        format!(
+            "friction and rotors are not negative, and these intervals are below zero, which chance may do: \
+             {}; they are not identified",
+            all.join(", ")
+        )
+    })
+}
+
 /// Returns words for rotors that are not identified because the model lacks something that acts as they do.
 pub(super) fn without_a_cause_in_words(fit: &Fit) -> Option<String> {
     let rotors: Vec<String> =
@@ -72,6 +100,12 @@ fn in_words(fit: &Fit, j: usize) -> Option<String> {
 
 /// Returns the numbers of the drives' friction and rotors that are negative for certain.
 fn pushing(fit: &Fit) -> Vec<usize> {
+    below_zero(fit, CERTAIN_SD)
+}
+
+/// Returns the numbers of the drives' friction and rotors that are negative by more than so many standard
+/// deviations.
+fn below_zero(fit: &Fit, limit_sd: f64) -> Vec<usize> {
     let data = fit.data_alone();
     let is_negative = |j: usize, p: &Parameter| {
         // At rest Stribeck's curve begins at Coulomb friction, and falls or rises from their sum to that
@@ -84,7 +118,7 @@ fn pushing(fit: &Fit) -> Vec<usize> {
             variance += data.covariance(i, k)?;
         }
         let sum = terms.iter().map(|k| data.unjudged().values.get(*k)).sum::<Option<f64>>()?;
-        Some(terms.iter().all(|k| data.is_determined(*k)) && sum < -CERTAIN_SD * variance.sqrt())
+        Some(terms.iter().all(|k| data.is_determined(*k)) && sum < -limit_sd * variance.sqrt())
     };
     let all = fit.parameters.iter().enumerate();
     let of_drives = all.filter(|(_, p)| {

@@ -317,6 +317,7 @@ impl Answer {
         self.warnings.extend(contradictions::contradictions(fit));
         self.warnings.extend(plausibility::of_the_fit(fit));
         self.warnings.extend(drive_signs::without_a_cause_in_words(fit));
+        self.warnings.extend(drive_signs::doubtful_in_words(fit));
         self.warnings.append(&mut warnings);
         self.notes.extend(reliance::in_words(&self.rests_on));
         self.notes.extend(rig_errors::calibration(fit));

@@ -29,7 +29,7 @@ use nalgebra::DVector;
 
 use super::context::Links;
 use super::derived::{centre_of_mass, inertia_com, ten};
-use super::drive_signs::rotors_without_a_cause;
+use super::drive_signs::of_impossible_sign;
 use super::result::ParameterState;
 pub use rigident_fit::LEAST_EXCITATION;
 use rigident_fit::{Estimate, Fit, Kind, Measured, Owner, Parameter};
@@ -241,10 +241,10 @@ pub fn states(fit: &Fit, links: Option<&Links>, reversed: bool) -> Vec<Parameter
         };
         is_informed && estimate.u95(j) <= LARGEST_SHARE * scale && of_centre.is_none_or(|resolved| *resolved)
     };
-    let without_a_cause = rotors_without_a_cause(fit);
+    let impossible = of_impossible_sign(fit);
     (0..fit.parameters.len())
         .map(|j| match (scales.get(j).copied().flatten(), all.measured(j)) {
-            _ if without_a_cause.contains(&j) => ParameterState::NotIdentified,
+            _ if impossible.contains(&j) => ParameterState::NotIdentified,
             (Some(scale), Some(measured)) if resolves(false, j, scale) => {
                 ParameterState::Identified(measured)
             }

@@ -180,6 +180,14 @@ fn a_negative_rotor_beside_friction_of_its_sign_is_not_identified_and_contradict
         let is_friction = parameter.name.ends_with(".viscous") || parameter.name.ends_with(".coulomb");
         assert!(!is_friction || parameter.state.is_identified(), "{}", parameter.name);
     }
+    // Three standard deviations below zero are neither a contradiction nor a rotor.
+    let at = fit.parameters.iter().position(|parameter| parameter.name == lost[0]).unwrap();
+    let sd = fit.data_alone().covariance(at, at).unwrap().sqrt();
+    let doubtful = ArmRun { rotor: -3.0 * sd, ..run.clone() };
+    let (_, own) = with_friction(&model, &doubtful.recording(&model), &lists);
+    assert_ne!(own.status, Status::Implausible, "{:?}", own.warnings);
+    assert_eq!(own.parameters[at].state, ParameterState::NotIdentified);
+    assert!(own.warnings.iter().any(|text| text.contains("below zero") && text.contains(lost[0])));
     let run = ArmRun { friction: [-2.0, -4.0, 0.2], ..run };
     let (_, own) = with_friction(&model, &run.recording(&model), &lists);
     assert_eq!(own.status, Status::Implausible);
