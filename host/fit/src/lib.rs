@@ -78,7 +78,9 @@ pub use nuisance::{
 pub use options::{DeviceFactor, FitError, FitOptions};
 pub use other_columns::OtherColumns;
 pub use parameter::{Channel, DriveMotion, Kind, Owner, Parameter};
-pub use prediction::{PredictedBlock, Prediction, plain_factor, plain_least_squares, plain_noise_gram};
+pub use prediction::{
+    PredictedBlock, Prediction, plain_factor, plain_factors, plain_least_squares, plain_noise_gram,
+};
 pub use progress::{Progress, Silent};
 pub use result::{
     Autocorrelation, BlockResidual, ChannelFit, Convergence, Counts, Fit, Forgotten, NoiseCheck, Prior,

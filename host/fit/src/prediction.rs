@@ -61,11 +61,31 @@ pub fn plain_factor(
     sigma: &[f64],
     progress: &dyn Progress,
 ) -> Result<Factor, FitError> {
+    let mut factors = plain_factors(source, sigma, 1, progress)?;
+    Ok(factors.pop().unwrap_or_else(|| Factor::new(source.parameters().len())))
+}
+
+/// Returns the same of `parts` of equal length, those without rows left out.
+///
+/// # Errors
+/// [`FitError::Filter`] if the filter does not fit the rate.
+pub fn plain_factors(
+    source: &dyn RowSource,
+    sigma: &[f64],
+    parts: usize,
+    progress: &dyn Progress,
+) -> Result<Vec<Factor>, FitError> {
     let blocks = source.blocks(progress)?;
     let every = f64::from(blocks.filter().every).sqrt();
     let weights: Vec<f64> = sigma.iter().map(|sigma| every / sigma).collect();
     let whitening = Whitening::diagonal(&weights);
-    Ok(blocks.absorb(0..blocks.len(), source.parameters().len(), &whitening, None))
+    let length = blocks.len().div_ceil(parts.max(1)).max(1);
+    let starts = (0..blocks.len()).step_by(length);
+    let each = starts.map(|start| {
+        let part = start..(start + length).min(blocks.len());
+        blocks.absorb(part, source.parameters().len(), &whitening, None)
+    });
+    Ok(each.filter(|factor| factor.rows() > 0).collect())
 }
 
 /// Returns what noise of the signals adds to the normal equations of such rows, N × N and, last, to their

@@ -142,7 +142,7 @@ pub fn table() -> String {
             conditions.push((found.unknowns, found.rank, found.condition));
             let (n, words) = (found.unknowns, case.words);
             for own in &found.outcomes {
-                let left = own.left_out.map_or(f64::NAN, |left| left.squares / found.nominal);
+                let left = own.left_out.as_ref().map_or(f64::NAN, |left| left.squares / found.nominal);
                 let _ = writeln!(
                     out,
                     "| {words} | {n} | {} | {} | {:.5} | {left:.5} | {} | {} |",

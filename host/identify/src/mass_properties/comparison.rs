@@ -18,6 +18,8 @@ const CONDITIONS: [f64; 11] = [3.0, 10.0, 30.0, 1e2, 3e2, 1e3, 3e3, 1e4, 3e4, 1e
 const STEPS: [usize; 8] = [5, 10, 20, 50, 100, 200, 500, 1000];
 /// Weights of the nominal model that ridge chooses from.
 const WEIGHTS: [f64; 9] = [1000.0, 100.0, 30.0, 10.0, 3.0, 1.0, 0.3, 0.1, 0.01];
+/// Something predicts better if it does so by more than this many standard errors of the difference.
+const SCATTER: f64 = 2.0;
 /// Relative 1 σ of the nominal model that the consistent bodies choose from.
 const TRUSTS: [f64; 6] = [0.02, 0.05, 0.1, 0.2, 0.5, 1.0];
 
@@ -162,6 +164,8 @@ pub struct Comparison {
     pub rows: u64,
     /// The residuals of the nominal model.
     pub nominal: f64,
+    /// The residuals of the nominal model by parts, with their rows.
+    nominal_parts: Vec<(f64, f64)>,
     /// Two ways predict equally well if what they leave of what was left out differs by no more.
     pub equal: f64,
     /// The outcomes.
@@ -196,8 +200,8 @@ impl Study<'_> {
                 let Some(left) = self.left_out(&unknowns, &held_out, &setting)? else { break };
                 tried.push((setting, left));
             }
-            let least = tried.iter().map(|(_, left)| *left).min_by(|a, b| a.squares.total_cmp(&b.squares));
-            let most = least.map_or(0.0, |least: Left| least.squares + least.equal(nonzero.len()));
+            let least = tried.iter().map(|(_, left)| left).min_by(|a, b| a.squares.total_cmp(&b.squares));
+            let most = least.map_or(0.0, |least: &Left| least.squares + least.equal(nonzero.len()));
             // What rows hardly tell is noise: of equally good settings the strongest trust has the least of
             // it.
             let best = tried.into_iter().find(|(_, left)| left.squares <= most);
@@ -216,8 +220,12 @@ impl Study<'_> {
             condition: sizes.max() / nonzero.iter().copied().fold(f64::INFINITY, f64::min),
             rows: rows.count(),
             nominal: rows.cost(&unknowns.nominal),
+            nominal_parts: held_out
+                .iter()
+                .map(|(rows, _)| (rows.cost(&unknowns.nominal), rows.count() as f64))
+                .collect(),
             equal: {
-                let left = outcomes.iter().filter_map(|outcome| outcome.left_out);
+                let left = outcomes.iter().filter_map(|outcome| outcome.left_out.as_ref());
                 left.min_by(|a, b| a.squares.total_cmp(&b.squares))
                     .map_or(0.0, |least| least.equal(nonzero.len()))
             },
@@ -308,13 +316,15 @@ impl Study<'_> {
 }
 
 /// The residuals of a way for parts that it has not seen.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Left {
     /// Sum of squares, in standard deviations.
     pub squares: f64,
     /// Standard error of that by the scatter of the parts.
     error: f64,
     rows: f64,
+    /// Sum of squares and rows of each part.
+    parts: Vec<(f64, f64)>,
 }
 
 impl Left {
@@ -324,15 +334,28 @@ impl Left {
         let (mean, n) = (squares / rows, parts.len() as f64);
         let scatter = parts.iter().map(|(own, count)| (own / count - mean).powi(2)).sum::<f64>();
         let error = rows * (scatter / ((n - 1.0) * n).max(1.0)).sqrt();
-        (rows > 0.0).then_some(Self { squares, error, rows })
+        (rows > 0.0).then(|| Self { squares, error, rows, parts: parts.to_vec() })
     }
 
     /// Returns how much more another way may leave to be as good: the standard error of what is left by the
     /// scatter of the parts (L. Breiman and others, *Classification and Regression Trees*, 1984, section
-    /// 3.4.3), and at least twice the standard deviation `√(2 k)` of χ² of as many directions as rows tell.
+    /// 3.4.3), and at least as much as chance.
     fn equal(&self, directions: usize) -> f64 {
+        self.error.max(self.by_chance(directions))
+    }
+
+    /// Returns twice the standard deviation `√(2 k)` of χ² of as many directions as rows tell.
+    fn by_chance(&self, directions: usize) -> f64 {
         let of_a_row = (self.squares / self.rows).max(1.0);
-        self.error.max(2.0 * (2.0 * directions as f64).sqrt() * of_a_row)
+        2.0 * (2.0 * directions as f64).sqrt() * of_a_row
+    }
+
+    /// Returns true if it is less than what `others` leave of the same parts, by more than chance and than
+    /// the differences scatter between the parts.
+    fn is_better_than(&self, others: &[(f64, f64)], directions: usize) -> bool {
+        let gains = others.iter().zip(&self.parts).map(|(other, own)| (other.0 - own.0, own.1));
+        let gain = Self::of(&gains.collect::<Vec<_>>());
+        gain.is_some_and(|gain| gain.squares > (SCATTER * gain.error).max(self.by_chance(directions)))
     }
 }
 
@@ -350,19 +373,20 @@ impl Comparison {
     /// consistent one where it does as well as any, and of one part.
     pub fn best(&self) -> Option<&Outcome> {
         let possible = self.outcomes.iter().filter(|outcome| outcome.impossible == 0);
-        let left = |outcome: &Outcome| outcome.left_out.map_or(f64::INFINITY, |left| left.squares);
+        let left = |outcome: &Outcome| outcome.left_out.as_ref().map_or(f64::INFINITY, |left| left.squares);
         let best = possible.clone().min_by(|a, b| left(a).total_cmp(&left(b)))?;
         let consistent = possible.clone().find(|outcome| matches!(outcome.way, Way::Consistent { .. }));
         match consistent {
             Some(own) if best.left_out.is_none() || left(own) <= left(best) + self.equal => Some(own),
-            _ => best.left_out.map(|_| best),
+            _ => best.left_out.is_some().then_some(best),
         }
     }
 
     /// Returns true if an outcome predicts what it has not seen better than the nominal model does; `None` of
     /// one part.
     pub fn is_better_than_nominal(&self, outcome: &Outcome) -> Option<bool> {
-        outcome.left_out.map(|left| left.squares + self.equal < self.nominal)
+        let left = outcome.left_out.as_ref()?;
+        Some(left.is_better_than(&self.nominal_parts, self.rank))
     }
 }
 
@@ -376,6 +400,9 @@ mod tests {
     fn residuals_are_as_good_as_the_parts_scatter() {
         let even = Left::of(&[(1000.0, 1000.0), (500.0, 500.0)]).unwrap();
         assert_eq!((even.squares, even.equal(8)), (1500.0, 8.0));
+        // One part that is better by far, among others that are not, says nothing.
+        assert!(even.is_better_than(&[(1100.0, 1000.0), (550.0, 500.0)], 8));
+        assert!(!even.is_better_than(&[(2000.0, 1000.0), (490.0, 500.0)], 8));
         let uneven = Left::of(&[(1000.0, 1000.0), (3000.0, 1000.0), (2000.0, 1000.0)]).unwrap();
         // By hand: 1, 3 and 2 a row, standard deviation 1, of the mean 1/√3.
         assert!((uneven.equal(8) - 3000.0 / 3.0_f64.sqrt()).abs() < 1e-9);

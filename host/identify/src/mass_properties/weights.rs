@@ -2,6 +2,7 @@
 
 use rigident_fit::{FitError, Prediction, Progress, RowSource as _, plain_factor};
 use rigident_rows::tree::TreeSource;
+use rigident_rows::tree::unmodelled::Unmodelled;
 
 /// Rounds of weights by residuals.
 const ROUNDS: usize = 2;
@@ -9,11 +10,15 @@ const ROUNDS: usize = 2;
 const ROUNDED: f64 = 1e-6;
 
 /// Returns σ of every channel: as stated, else the root mean square of what least squares leave behind the
-/// filter, channel by channel.
+/// filter, channel by channel; `beside` the model what else acts.
 ///
 /// # Errors
 /// [`FitError`] if the recording has no rows.
-pub fn channel_sigma(source: &TreeSource, progress: &dyn Progress) -> Result<Vec<f64>, FitError> {
+pub fn channel_sigma(
+    source: &TreeSource,
+    beside: &[Unmodelled],
+    progress: &dyn Progress,
+) -> Result<Vec<f64>, FitError> {
     if let Some(stated) = &source.input().channel_sigma {
         return Ok(stated.clone());
     }
@@ -21,9 +26,10 @@ pub fn channel_sigma(source: &TreeSource, progress: &dyn Progress) -> Result<Vec
         Some(contact) => contact.sigma.clone(),
         None => source.nominal_sigma(),
     };
+    let with = source.with_unmodelled(beside);
     for _ in 0..ROUNDS {
-        let found = plain_factor(source, &sigma, progress)?.solve(source.rounding()).estimate;
-        let left = Prediction::of(source, &found, &[])?;
+        let found = plain_factor(&with, &sigma, progress)?.solve(source.rounding()).estimate;
+        let left = Prediction::of(&with, &found, &[])?;
         let own = left.residual_rms.iter().zip(&left.measured_sd).zip(&sigma);
         let own = own.map(|((rms, measured), before)| match rms.max(ROUNDED * measured) {
             sigma if sigma > 0.0 => sigma,

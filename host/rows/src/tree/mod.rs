@@ -5,9 +5,10 @@
 //! ([`joints`]) or as slopes of polynomials ([`polynomial`]), checks whether columns tell of one motion
 //! ([`input_checks`]), drives with friction ([`drive`]) when they are at rest (`standstill`) and which rotors
 //! are parts of base parameters (`rotors`), errors that do not average out (`errors`, `sensitivities`), those
-//! of the ground's wrench (`ground_errors`), the rows of a frame ([`rows`]), and the source that hands them
-//! to the fit ([`TreeSource`]). May not live here: the formulas of the rows (`rigident_shared::tree`), which
-//! parameters there are ([`rigident_model::base`]), and whatever is done with rows ([`rigident_fit`]).
+//! of the ground's wrench (`ground_errors`), what may act beside the model ([`unmodelled`]), the rows of a
+//! frame ([`rows`]), and the source that hands them to the fit ([`TreeSource`]). May not live here: the
+//! formulas of the rows (`rigident_shared::tree`), which parameters there are ([`rigident_model::base`]), and
+//! whatever is done with rows ([`rigident_fit`]).
 
 pub mod columns;
 pub mod contact;
@@ -35,6 +36,7 @@ mod source;
 mod standstill;
 #[cfg(test)]
 mod tracked_tests;
+pub mod unmodelled;
 
 pub use contact::{Contact, Foot, Ground};
 pub use error::{TreePrepareError, TreeSourceError};

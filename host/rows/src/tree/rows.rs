@@ -5,8 +5,9 @@ use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use rigident_shared::inertia::PARAMETER_NAMES;
 use rigident_shared::tree::{BaseMotion, Joint, Link, LinkState, TreeError};
 
-use super::contact::Contact;
 use super::contact::availability::Availability;
+use super::contact::forces::{self, Columns};
+use super::contact::{Contact, Foot};
 use super::{BaseSensor, Frame, Input};
 use rigident_fit::SampleRows;
 use rigident_model::base::{BaseParameters, Rows};
@@ -184,12 +185,41 @@ impl RowMaker {
     /// # Errors
     /// [`TreeError`] if the frame does not fit the tree or the states of contact.
     pub(super) fn available(&mut self, frame: &Frame, out: &mut SampleRows) -> Result<(), TreeError> {
+        self.available_rows(frame, out).map(|_| ())
+    }
+
+    /// Does as [`RowMaker::available`], and returns what is available; `None` where there are no feet.
+    pub(super) fn available_rows(
+        &mut self,
+        frame: &Frame,
+        out: &mut SampleRows,
+    ) -> Result<Option<Availability>, TreeError> {
         self.rows(frame, out)?;
-        if let Some(available) = self.availability(frame)? {
+        let available = self.availability(frame)?;
+        if let Some(available) = &available {
             available.combine(&mut out.smoothed, &mut out.differentiated, self.columns);
             available.combine_measured(&mut out.measured);
         }
-        Ok(())
+        Ok(available)
+    }
+
+    /// Returns the columns of wrenches at places on links, of the frame that the tree was brought to, in axes
+    /// that are given in the base's, base ← axes; `None`: in those of their sensors.
+    ///
+    /// # Errors
+    /// [`TreeError`] if the links are in no order.
+    pub(super) fn wrench_columns(
+        &mut self,
+        places: &[(Foot, Option<Matrix3<f64>>)],
+    ) -> Result<Vec<Columns>, TreeError> {
+        let states = self.moving.states();
+        let turned = places.iter().map(|(foot, axes)| {
+            let state = axes.zip(states.get(foot.link + BASE));
+            let rotation = state.map_or(foot.rotation, |(axes, state)| state.rotation.tr_mul(&axes));
+            Foot { rotation, ..foot.clone() }
+        });
+        let turned: Vec<Foot> = turned.collect();
+        forces::columns(&mut self.moving, &turned.iter().collect::<Vec<_>>())
     }
 
     /// Returns what is available of the rows of the frame that the tree was brought to; `None` where there

@@ -2,7 +2,7 @@
 //! columns.
 
 use std::ops::Range;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use rigident_shared::screening::Rejection;
 use rigident_shared::tree::{Joint, LinkState, TreeError};
@@ -138,7 +138,7 @@ impl TreeSource {
     /// frame, or the base is not tracked.
     pub fn link_states(&self, sample: usize) -> Option<Vec<LinkState<f64>>> {
         let frame = self.input.frames.get(sample).filter(|_| self.input.base == BaseSensor::Tracked)?;
-        let mut maker = self.maker.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut maker = self.maker();
         maker.states(frame).ok()
     }
 
@@ -157,6 +157,11 @@ impl TreeSource {
         for freedom in standing.iter().filter(|_| self.input.has_efforts()) {
             rows.missing.iter_mut().skip(first + freedom).take(1).for_each(|missing| *missing = true);
         }
+    }
+
+    /// Returns the maker of rows, which nobody else has meanwhile.
+    pub(super) fn maker(&self) -> MutexGuard<'_, RowMaker> {
+        self.maker.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Returns the base parameters that are estimated.
@@ -272,7 +277,7 @@ impl RowSource for TreeSource {
         let refuse = Rejection::NotFinite(0);
         let frame = self.input.frames.get(sample).ok_or(refuse)?;
         self.measure(sample, &mut rows.measured)?;
-        let mut maker = self.maker.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut maker = self.maker();
         maker.available(frame, rows).map_err(|_| refuse)?;
         self.mark_missing(sample, rows);
         Ok(())
@@ -325,7 +330,7 @@ impl RowSource for TreeSource {
 
     fn error_columns(&self, parameters: &[f64]) -> Option<Box<dyn RowSource + '_>> {
         let rows = {
-            let maker = self.maker.lock().unwrap_or_else(PoisonError::into_inner);
+            let maker = self.maker();
             ErrorRows::new(self, &maker, parameters).ok()?
         };
         Some(Box::new(rows.into_source()))

@@ -7,6 +7,7 @@ use serde::Serialize;
 use super::super::calibrate_error::CalibrateError;
 use super::super::{Caller, Error};
 use super::mass_options::MassOptions;
+use super::masses_beside::{self, Eliminated};
 use super::masses_rows::{Read, read};
 use rigident_fit::Progress;
 use rigident_identify::mass_properties::comparison::{Comparison, Outcome, Study, Way};
@@ -14,6 +15,9 @@ use rigident_identify::mass_properties::whole_mass::WholeMass;
 use rigident_model::base::BaseParameters;
 use rigident_model::inertial::Parameters;
 use rigident_model::{Model, remarks, write};
+
+/// No model of a robot is off by more: the sum of what its masses change by, over the mass of the whole.
+const FARTHEST: f64 = 0.4;
 
 /// Masses and centres of mass as every way has them; its text is the table.
 #[derive(Clone, Debug, Serialize)]
@@ -55,6 +59,8 @@ pub struct MassProperties {
     /// Constant force on the base that nothing measures, axes of the base, N, where one was found.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub external_force_n: Option<[f64; 3]>,
+    /// All that acts beside the model and was found; the masses are those without it.
+    pub eliminated: Vec<Eliminated>,
     /// Mass of all links by the model, kg.
     pub nominal_whole_mass_kg: f64,
     /// The links by the chosen way: by itself none is identified.
@@ -160,32 +166,27 @@ fn found(
     let is_open = |way: &Way| options.fixed.iter().all(|fixed| fixed.name() != way.name());
     let open: Vec<Way> = Way::all().into_iter().filter(is_open).collect();
     let compared = study.compare(&open, &options.fixed, &|share| caller.stage("ways side by side", share))?;
-    let mut chosen = match options.way {
+    let best = match options.way {
         None => compared.best(),
         Some(name) => compared.outcomes.iter().find(|outcome| outcome.way.name() == name),
     };
     let mut warnings = read.warnings.clone();
-    let is_worse = chosen.is_some_and(|outcome| compared.is_better_than_nominal(outcome) == Some(false));
-    if is_worse {
-        warnings.push(
-            "what was left out is predicted no better than by the nominal model, whose masses the recordings \
-             do not improve: nothing is \
-             written; record motions that excite more, or look for a column that is wrong"
+    warnings.extend(masses_beside::warnings(&Eliminated::of(&read)));
+    let why_not = match best {
+        Some(outcome) => why_not(outcome, &compared, model, &read),
+        None => Some(
+            "no way gives bodies that can be: nothing is written; take motions that excite more, or fewer \
+             unknowns by `symmetric_sides`"
                 .to_owned(),
-        );
-        chosen = None;
-    }
+        ),
+    };
+    let chosen = best.filter(|_| why_not.is_none());
+    warnings.extend(why_not);
     if let (Some(path), Some(outcome)) = (&options.write_model, chosen) {
         write::write(&outcome.model, file, path)?;
         warnings.extend(remarks::remarks(&outcome.model, file, path, &options.tree.changes.lock));
     }
-    if chosen.is_none() && !is_worse {
-        warnings.push(
-            "no way gives bodies that can be: nothing is written; take motions that excite more, or fewer \
-             unknowns by `symmetric_sides`"
-                .to_owned(),
-        );
-    } else if chosen.is_some_and(|outcome| outcome.impossible > 0) {
+    if chosen.is_some_and(|outcome| outcome.impossible > 0) {
         warnings.push(
             "some links of what was asked for are no bodies that can be: do not simulate or control with \
              these numbers"
@@ -211,10 +212,12 @@ fn answer(
         setting: outcome.way.setting(),
         is_setting_chosen: outcome.is_chosen,
         cost: outcome.direct,
-        left_out_cost: outcome.left_out.map(|left| left.squares),
+        left_out_cost: outcome.left_out.as_ref().map(|left| left.squares),
         negative_masses: outcome.negative,
         impossible_links: outcome.impossible,
     };
+    let eliminated = Eliminated::of(read);
+    let on_base = eliminated.iter().find(|own| own.kind == "wrench");
     MassProperties {
         schema: "rigident/mass-properties/1",
         model: model.name.clone(),
@@ -231,7 +234,8 @@ fn answer(
         whole_mass_kg: chosen.map(|outcome| mass(&outcome.model)),
         identified_whole_mass_kg: whole.map(|whole| whole.kg),
         identified_whole_mass_u95_kg: whole.map(|whole| whole.u95_kg),
-        external_force_n: read.external.map(|external| external.force_n),
+        external_force_n: on_base.and_then(|own| own.values.first_chunk().copied()),
+        eliminated,
         nominal_whole_mass_kg: mass(model),
         links: chosen.map_or_else(Vec::new, |outcome| links(&outcome.model, model)),
         notes: read.notes.clone(),
@@ -239,6 +243,41 @@ fn answer(
         found: chosen.map(|outcome| outcome.model.clone()),
         is_believed: chosen.is_some_and(|outcome| outcome.impossible == 0) && !read.has_suspects,
     }
+}
+
+/// Returns why the nominal masses stay; `None` if the outcome's take their place.
+fn why_not(outcome: &Outcome, compared: &Comparison, nominal: &Model, read: &Read) -> Option<String> {
+    if compared.is_better_than_nominal(outcome) == Some(false) {
+        let why = "what was left out is predicted no better than by the nominal model, whose masses the \
+                   recordings do not improve: nothing is written; record motions that excite more, or look \
+                   for a column that is wrong";
+        return Some(why.to_owned());
+    }
+    // Torques alone do not tell the mass of the whole.
+    if read.beside.unmeasured == Some(0) {
+        let why = "the wrench on the base changes as nothing here explains, and without it the mass of the \
+                   whole is not known: nothing is written; take away what pulls at the robot and record anew";
+        return Some(why.to_owned());
+    }
+    let moved = moved_by(&outcome.model, nominal);
+    (moved > FARTHEST).then(|| {
+        format!(
+            "masses would have to move by {:.0} % of the whole, more than a model of the robot is off: \
+             something acts that is not known here, and nothing is written; look for a column that is wrong, \
+             for what pulls at the robot, or for another robot's model",
+            100.0 * moved
+        )
+    })
+}
+
+/// Returns the sum of what masses changed by, over the mass of the whole.
+fn moved_by(found: &Model, nominal: &Model) -> f64 {
+    let masses = |model: &Model| -> Vec<f64> {
+        model.links.iter().map(|link| link.nominal.map_or(0.0, |phi| phi[0])).collect()
+    };
+    let (found, nominal) = (masses(found), masses(nominal));
+    let moved: f64 = found.iter().zip(&nominal).map(|(own, other)| (own - other).abs()).sum();
+    moved / nominal.iter().sum::<f64>().max(f64::MIN_POSITIVE)
 }
 
 fn links(found: &Model, nominal: &Model) -> Vec<LinkMass> {

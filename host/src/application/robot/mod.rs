@@ -3,5 +3,6 @@
 pub mod joints;
 pub mod mass_options;
 pub mod masses;
+mod masses_beside;
 mod masses_rows;
 mod masses_text;

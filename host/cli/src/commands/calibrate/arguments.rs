@@ -133,7 +133,8 @@ pub enum ExternalWrench {
                   measured.\n\nRows                   tell combinations of masses; every way takes what they \
                   leave open from the model. One recording is split in parts, of several \
                   each                   is one: the settings are those that predict best what was left \
-                  out.\n\nExit status 0, 1 if no way gives bodies that can be or a                   torque \
+                  out.\n\nGains of torques, friction, rotors, pulls and feet without a sensor are \
+                  looked for and eliminated.\n\nExit status 0, 1 if the nominal masses stay or a torque \
                   contradicts the model, 2 if a file cannot be used.\n\nExamples:\n  rigident calibrate \
                   masses robot.urdf walk.csv\n  rigident calibrate masses robot.urdf walk.csv squat.csv \
                   --symmetric-sides --write-model identified.urdf\n  rigident validate identified.urdf \
