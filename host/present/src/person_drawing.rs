@@ -22,6 +22,8 @@ const BESIDE: f64 = 14.0;
 /// are larger.
 const LINE: f64 = 17.0;
 const LETTER: f64 = 8.5;
+/// Less than this is no part of a line, pixels.
+const ROUNDING: f64 = 1e-6;
 /// A time line is so far from either edge, pixels.
 const EDGE: f64 = 8.0;
 
@@ -103,7 +105,8 @@ pub(super) fn drawn(found: &PersonResult) -> String {
 
 /// Returns the height of a line of text at a height or the next below that is free, and takes it.
 fn free(taken: &mut Vec<f64>, mut y: f64) -> f64 {
-    while let Some(other) = taken.iter().find(|other| (**other - y).abs() < LINE) {
+    // A line below another one is free although their difference is rounded.
+    while let Some(other) = taken.iter().find(|other| (**other - y).abs() < LINE - ROUNDING) {
         y = other + LINE;
     }
     taken.push(y);
@@ -200,6 +203,16 @@ fn time_line(trial: &TrialResult) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn every_name_finds_a_line() {
+        // 53.1 + 17.0 − 53.1 < 17.0
+        for first in [53.1, 243.9, 244.4] {
+            let mut taken = Vec::new();
+            let found: Vec<f64> = (0..4).map(|_| free(&mut taken, first)).collect();
+            assert!(found.windows(2).all(|pair| (pair[1] - pair[0] - LINE).abs() < 1e-3), "{found:?}");
+        }
+    }
 
     #[test]
     fn labels_of_a_time_line_stay_inside_and_apart() {
