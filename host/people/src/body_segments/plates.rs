@@ -24,6 +24,8 @@ const SHIFT_M: f64 = 0.3;
 const SCALE: f64 = 0.3;
 /// … but that the mean is one: that scale is one with the mass.
 const MEAN_SCALE: f64 = 1e-3;
+/// The channel of the vertical force.
+const VERTICAL: usize = 2;
 /// Columns of a plate: shift along x and y, scale.
 const EACH: usize = 3;
 /// A plate that carries a person in fewer frames tells nothing, …
@@ -70,6 +72,9 @@ pub struct PlateErrors {
     pub values: Vec<f64>,
     /// Their covariance.
     pub covariance: DMatrix<f64>,
+    /// True if different scales leave less of the vertical force than equal ones: that is where a scale is seen
+    /// first, and in a second of standing moments alone are explained by anything.
+    pub scales_explain: bool,
 }
 
 impl PlateErrors {
@@ -93,7 +98,8 @@ impl PlateErrors {
         let variance = self.covariance[(a, a)] + self.covariance[(b, b)] - 2.0 * self.covariance[(a, b)];
         let (off, sigma) = (self.values[a] - self.values[b], variance.max(0.0).sqrt());
         let ratio = (1.0 + self.values[a]) / (1.0 + self.values[b]);
-        (off.abs() > SURPRISING_SD * sigma && (ratio - 1.0).abs() > LEAST_SCALE).then_some([ratio, sigma])
+        (self.scales_explain && off.abs() > SURPRISING_SD * sigma && (ratio - 1.0).abs() > LEAST_SCALE)
+            .then_some([ratio, sigma])
     }
 }
 
@@ -130,7 +136,8 @@ fn of_trial(
         .collect::<Result<_, StudyError>>()?;
     let wide: Vec<OtherColumns> =
         sources.iter().map(|(source, frames)| with_plates(source, tracked, frames.start)).collect();
-    let Some(before) = beforehand(study.open(), tracked) else { return Ok(None) };
+    let of_scale = |scale: f64| beforehand(study.open(), tracked, scale);
+    let (Some(before), Some(equal)) = (of_scale(SCALE), of_scale(MEAN_SCALE)) else { return Ok(None) };
     // The noise beside all that is estimated.
     let report = &tracked.report;
     let sums: Vec<RowSums> = wide
@@ -138,11 +145,22 @@ fn of_trial(
         .map(|wide| RowSums::of(wide, report.rate_hz, report.cut_off_hz))
         .collect::<Result<_, _>>()?;
     let Some(sigma) = sigma(&sums, &before) else { return Ok(None) };
-    let mut all = known(&before);
+    let mut rows = Factor::new(before.names().len());
     for (wide, sigma) in wide.iter().zip(&sigma) {
-        all.merge(&plain_factor(wide, sigma, &Silent)?);
+        rows.merge(&plain_factor(wide, sigma, &Silent)?);
     }
-    add_footprints(&mut all, n, &footprints(person, trial));
+    add_footprints(&mut rows, n, &footprints(person, trial));
+    let beside = |known: Factor| {
+        let mut all = known;
+        all.merge(&rows);
+        all
+    };
+    let left = |known: Factor| -> f64 {
+        let found = DVector::from_vec(beside(known).solve(f64::EPSILON * n as f64).estimate);
+        sums.iter().map(|own| own.left(VERTICAL, &found)).sum()
+    };
+    let scales_explain = left(known(&before)) < left(known(&equal));
+    let all = beside(known(&before));
     let kept: Vec<usize> = (n..n + plates).collect();
     let solved = all.eliminate_others(&kept).solve(f64::EPSILON * n as f64);
     let carries = |plate: &usize| {
@@ -155,11 +173,13 @@ fn of_trial(
         carrying: (0..tracked.plates.len()).filter(carries).collect(),
         values: solved.estimate,
         covariance: solved.covariance,
+        scales_explain,
     }))
 }
 
-/// Returns what is known beforehand: the table, and next to nothing of plates.
-fn beforehand(table: &Gaussian, tracked: &Tracked) -> Option<Gaussian> {
+/// Returns what is known beforehand: the table, and next to nothing of plates but how far their scales differ,
+/// 1 σ.
+fn beforehand(table: &Gaussian, tracked: &Tracked, scale: f64) -> Option<Gaussian> {
     let (n, plates) = (table.names().len(), tracked.plates.len());
     let all = n + EACH * plates + 6 * tracked.unzeroed.len();
     let mut covariance = DMatrix::zeros(all, all);
@@ -170,7 +190,7 @@ fn beforehand(table: &Gaussian, tracked: &Tracked) -> Option<Gaussian> {
         for b in 0..plates {
             let same = f64::from(u8::from(a == b));
             covariance[(at + 2, n + EACH * b + 2)] =
-                SCALE.powi(2) * (same - 1.0 / plates as f64) + MEAN_SCALE.powi(2);
+                scale.powi(2) * (same - 1.0 / plates as f64) + MEAN_SCALE.powi(2);
         }
     }
     for (z, zero) in tracked.unzeroed.iter().enumerate() {
@@ -220,4 +240,25 @@ fn errors(tracked: &Tracked, frame: usize) -> Vec<[f64; 6]> {
     }
     all.extend(tracked.unzeroed.iter().flat_map(UnknownZero::wrenches));
     all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scales_that_leave_more_of_the_vertical_force_accuse_no_plate() {
+        // One plate reads 1.4 times what the other does, by eight standard deviations.
+        let with = |scales_explain: bool| PlateErrors {
+            trial: 0,
+            plates: vec![String::new(); 2],
+            carrying: vec![0, 1],
+            values: vec![0.02, 0.0, 0.167, 0.0, 0.0, -0.167],
+            covariance: DMatrix::from_diagonal_element(6, 6, 0.03_f64.powi(2)),
+            scales_explain,
+        };
+        let ratio = with(true).ratio(0, 1).unwrap()[0];
+        assert!((ratio - 1.4).abs() < 0.01, "{ratio}");
+        assert!(with(false).ratio(0, 1).is_none());
+    }
 }

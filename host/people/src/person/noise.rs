@@ -74,6 +74,11 @@ impl RowSums {
         }
         Ok(sums)
     }
+
+    /// Returns the sum of squares that parameters leave of a channel, by its number.
+    pub fn left(&self, channel: usize, phi: &DVector<f64>) -> f64 {
+        self.channels.get(channel).map_or(0.0, |own| own.left(phi))
+    }
 }
 
 /// Returns 1 σ of each channel per unfiltered sample of every trial, such that rows weigh as they inform,
