@@ -30,7 +30,7 @@ const EDGE_S: f64 = 0.2;
 /// Why a frame is not used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Dropped {
-    /// No pose was found: too few markers were seen, or they fit none.
+    /// No pose was found: markers are missing, and the others leave a joint open.
     Markers,
     /// A foot is on the floor beside the plates.
     FootOff,
@@ -50,7 +50,7 @@ impl Dropped {
     /// Returns the reason in words.
     pub fn words(self) -> &'static str {
         match self {
-            Self::Markers => "the markers that were seen give no pose",
+            Self::Markers => "markers are missing, and the others give no pose",
             Self::FootOff => "a foot is on the floor beside the plates",
             Self::FootHalfOff => "a foot is partly beside a plate",
             Self::LoadElsewhere => "a plate is loaded where no foot is",

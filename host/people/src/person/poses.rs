@@ -14,10 +14,12 @@ use crate::inverse_kinematics::subject::Subject;
 use rigident_fit::parallel;
 use rigident_io::motion_capture::trial::Trial;
 
-/// A freedom is not determined by a frame if its deviation is this many times the trial's median, …
+/// A freedom is not determined by a frame in which markers are missing if its deviation is this many times the
+/// trial's median, …
 const UNDETERMINED: f32 = 2.5;
 /// … and larger than this, rad: straight legs show the turn about their axis by markers a thumb's breadth off
-/// it, bent ones by the shank's.
+/// it, bent ones by the shank's. With all markers that is so of a pose itself, and the turn about such an axis
+/// moves next to no mass.
 const LEAST_UNDETERMINED: f32 = 0.2;
 /// The heading of a trunk that no marker follows is that of the pelvis over this time, s.
 const HEADING_S: f64 = 1.0;
@@ -62,13 +64,16 @@ struct Stretch {
     /// A row of numbers and one of deviations for every frame; NaN without a pose.
     numbers: Vec<f32>,
     deviations: Vec<f32>,
+    /// True for every frame in which all markers of the trial were seen.
+    whole: Vec<bool>,
     filled: usize,
     /// Sum of the squared distances of every marker, m², and how many there are.
     distances: Vec<(f64, usize)>,
 }
 
 impl Stretch {
-    /// Forgets frames in which a freedom is not determined that is determined elsewhere, and all deviations.
+    /// Forgets frames that miss markers so that a freedom is not determined that is determined elsewhere, and
+    /// all deviations.
     fn forget_missing(&mut self, usual: &[f32]) {
         let is_determined = |deviations: &[f32]| {
             deviations
@@ -79,10 +84,11 @@ impl Stretch {
         let deviations = std::mem::take(&mut self.deviations);
         let frames = (deviations.len() / usual.len().max(1)).max(1);
         let width = (self.numbers.len() / frames).max(1);
-        let rows = self.numbers.chunks_exact_mut(width);
-        let undetermined =
-            rows.zip(deviations.chunks_exact(usual.len().max(1))).filter(|(_, own)| !is_determined(own));
-        undetermined.for_each(|(row, _)| row.fill(f32::NAN));
+        let rows = self.numbers.chunks_exact_mut(width).zip(&self.whole);
+        let undetermined = rows
+            .zip(deviations.chunks_exact(usual.len().max(1)))
+            .filter(|((_, whole), own)| !**whole && !is_determined(own));
+        undetermined.for_each(|((row, _), _)| row.fill(f32::NAN));
     }
 }
 
@@ -104,9 +110,12 @@ fn stretch(subject: &Subject, trial: &Trial, frames: Range<usize>) -> Stretch {
     let (seen, filled) = seen(trial, subject, frames);
     let width = numbers(&subject.skeleton.zero()).count();
     let freedoms = subject.skeleton.freedoms();
+    let recorded: Vec<bool> = subject.markers.iter().map(|m| trial.labels.contains(&m.name)).collect();
+    let is_whole = |seen: &Seen| seen.iter().zip(&recorded).all(|(own, recorded)| own.is_some() || !recorded);
     let mut all = Stretch {
         numbers: vec![f32::NAN; seen.len() * width],
         deviations: vec![f32::NAN; seen.len() * freedoms],
+        whole: seen.iter().map(is_whole).collect(),
         filled,
         distances: vec![(0.0, 0); subject.markers.len()],
     };
@@ -126,7 +135,8 @@ fn stretch(subject: &Subject, trial: &Trial, frames: Range<usize>) -> Stretch {
     all
 }
 
-/// Returns the pose of every frame; none where a freedom is not determined that the other frames determine.
+/// Returns the pose of every frame; none where markers are missing and a freedom is not determined that the
+/// other frames determine.
 pub(super) fn poses(subject: &Subject, trial: &Trial, progress: &(dyn Fn(f64) + Sync)) -> Poses {
     let count = trial.frames().div_ceil(STRETCH);
     let freedoms = subject.skeleton.freedoms();
@@ -206,5 +216,26 @@ pub(super) fn upright(subject: &Subject, coordinates: &mut Coordinates, rate_hz:
             *own = Turn::Ball(pelvis.inverse() * heading(frame));
         }
         coordinates.set(frame, numbers(&pose));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_with_all_markers_are_kept_though_a_turn_is_hardly_shown() {
+        // A straight arm shows the turn about its axis to 0.6 rad; in the last frame a marker is missing, too.
+        let mut own = Stretch {
+            numbers: vec![1.0; 8],
+            deviations: vec![0.1, 0.1, 0.6, 0.6],
+            whole: vec![true, true, true, false],
+            filled: 0,
+            distances: Vec::new(),
+        };
+        own.forget_missing(&[0.1]);
+        let kept: Vec<bool> =
+            own.numbers.chunks_exact(2).map(|row| row.iter().all(|v| !v.is_nan())).collect();
+        assert_eq!(kept, [true, true, true, false]);
     }
 }
