@@ -16,8 +16,8 @@ use rigident_shared::spatial::{Body, Position};
 use rigident_shared::tree::{Joint, Link};
 
 use super::finding::ModelError;
-pub use super::human_segments::Sex;
-use super::human_segments::{ANKLE, HIP, Part, SHOULDER, segment};
+use super::human_segments::{ANKLE, HIP, Part, SHOULDER, other_tables, segment};
+pub use super::human_segments::{Ratio, Sex};
 use super::inertial::{Parameters, in_parent};
 use super::tree::{Model, ModelLink};
 
@@ -87,6 +87,32 @@ pub const PELVIS_TILT: f64 = 0.175;
 /// The distance of the lowest joint of the spine behind the hips in the axes of the four spines, over the
 /// stature: 35 mm at 1.80 m (30 mm in S. Delp et al. 1990).
 pub const SPINE_BEHIND: f64 = 0.0194;
+
+/// Returns the part of the body that a link of either model belongs to, and its body by each of two other
+/// tables over that of this one ([`Ratio`]); `None` if no model has such a link.
+pub fn link_by_other_tables(link: &str, sex: Sex) -> Option<(&'static str, [Ratio; 2])> {
+    let core = link.strip_prefix("l_").or_else(|| link.strip_prefix("r_")).unwrap_or(link);
+    let (name, parts): (&str, &[Part]) = match core {
+        "head" | "cervical" => ("head", &[Part::Head]),
+        "torso" | "lumbar" | "chest" | "clavicle" | "scapula" => {
+            ("trunk", &[Part::UpperTrunk, Part::MiddleTrunk])
+        }
+        "pelvis" => ("pelvis", &[Part::LowerTrunk]),
+        "upper_arm" => ("upper arm", &[Part::UpperArm]),
+        "forearm" | "ulna" | "radius" => ("forearm", &[Part::Forearm]),
+        "hand" => ("hand", &[Part::Hand]),
+        "thigh" => ("thigh", &[Part::Thigh]),
+        "shank" => ("shank", &[Part::Shank]),
+        "foot" => ("foot", &[Part::Foot]),
+        _ => return None,
+    };
+    let mut found = other_tables(parts, sex);
+    if name == "trunk" && core != "torso" {
+        // Links of a part of it have their own centres.
+        found.iter_mut().for_each(|ratio| ratio.com = 1.0);
+    }
+    Some((name, found))
+}
 
 struct Builder {
     person: Person,
@@ -413,6 +439,29 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn other_tables_have_the_same_whole_mass() {
+        for sex in [Sex::Female, Sex::Male, Sex::Unknown] {
+            let person = Person { mass_kg: 100.0, sex, ..Person::default() };
+            for model in [person.human34().unwrap(), person.human58().unwrap()] {
+                for table in 0..2 {
+                    let mass = |link: &ModelLink| {
+                        link.nominal.unwrap()[0]
+                            * link_by_other_tables(&link.name, sex).unwrap().1[table].mass
+                    };
+                    let whole: f64 = model.links.iter().map(mass).sum();
+                    assert!((whole - 100.0).abs() < 0.21, "{} {table}: {whole}", model.name);
+                }
+            }
+        }
+        // Thighs of 10.0 and 12.3 % of men's mass beside 14.16.
+        let thigh = link_by_other_tables("l_thigh", Sex::Male).unwrap().1.map(|ratio| ratio.mass);
+        assert!((thigh[0] - 0.706).abs() < 1e-3 && (thigh[1] - 0.869).abs() < 1e-3, "{thigh:?}");
+        // The trunk's centre of mass is 12.95 % of men's stature above the pelvis, by the others 9.6 and 15.6.
+        let trunk = link_by_other_tables("torso", Sex::Male).unwrap().1.map(|ratio| ratio.com);
+        assert!((trunk[0] - 0.741).abs() < 2e-3 && (trunk[1] - 1.204).abs() < 2e-3, "{trunk:?}");
     }
 
     /// Welds all links into one rigid body at zero position, and returns its parameters.

@@ -136,3 +136,97 @@ fn between(a: Segment, b: Segment) -> Segment {
         radii: std::array::from_fn(|k| mean(a.radii[k], b.radii[k])),
     }
 }
+
+/// A segment by another table over the same by this one: mass, centre of mass from the proximal end, radius
+/// of gyration across the segment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ratio {
+    /// Of the masses.
+    pub mass: f64,
+    /// Of the distances of the centre of mass from the proximal end.
+    pub com: f64,
+    /// Of the radii of gyration.
+    pub radius: f64,
+}
+
+/// Mass (%), and centre of mass and radius of gyration across the segment over the distance between its
+/// joints (%); 0 where ends or axes are other ones than here. Head and neck, trunk above the pelvis, pelvis,
+/// upper arm, forearm, hand, thigh, shank, foot. The trunk's centre of mass is that above its lowest joint over
+/// the stature (%).
+type Other = [[f64; 3]; 9];
+
+/// W. Dempster's cadavers of men (1955), as D. Winter's textbook has them (table 4.1): thorax and abdomen have
+/// their centre of mass at 63 % of the way from C7 to L4, which is 26 % of the stature.
+const DEMPSTER: Other = [
+    [8.1, 0.0, 0.0],
+    [35.5, 9.6, 0.0],
+    [14.2, 0.0, 0.0],
+    [2.8, 43.6, 32.2],
+    [1.6, 43.0, 30.3],
+    [0.6, 0.0, 0.0],
+    [10.0, 43.3, 32.3],
+    [4.65, 43.3, 30.2],
+    [1.45, 0.0, 0.0],
+];
+
+/// R. Dumas et al. (2007) after J. McConville (men) and J. Young (women): women's, then men's; the torso is 429
+/// and 477 mm long at a stature of 1.61 and 1.77 m, its centre of mass at 43.6 and 42.0 % from above.
+const DUMAS: [Other; 2] = [
+    [
+        [6.7, 0.0, 0.0],
+        [30.4, 15.0, 0.0],
+        [14.6, 0.0, 0.0],
+        [2.2, 45.4, 33.0],
+        [1.3, 41.1, 25.5],
+        [0.5, 0.0, 0.0],
+        [14.6, 37.7, 31.5],
+        [4.5, 40.4, 28.0],
+        [1.0, 0.0, 0.0],
+    ],
+    [
+        [6.7, 0.0, 0.0],
+        [33.3, 15.6, 0.0],
+        [14.2, 0.0, 0.0],
+        [2.4, 45.2, 31.5],
+        [1.7, 41.7, 27.5],
+        [0.6, 0.0, 0.0],
+        [12.3, 42.9, 29.5],
+        [4.8, 41.0, 28.0],
+        [1.2, 0.0, 0.0],
+    ],
+];
+
+/// Returns a segment by each of two other tables, W. Dempster's and that of R. Dumas et al., over this one's:
+/// the parts of it are a segment of theirs.
+pub fn other_tables(parts: &[Part], sex: Sex) -> [Ratio; 2] {
+    [[DEMPSTER; 2], DUMAS].map(|[women, men]| {
+        let at = match parts[0] {
+            Part::Head => 0,
+            Part::UpperTrunk | Part::MiddleTrunk => 1,
+            Part::LowerTrunk => 2,
+            limb => limb as usize - 1,
+        };
+        let other: [f64; 3] = std::array::from_fn(|k| match sex {
+            Sex::Female => women[at][k],
+            Sex::Male => men[at][k],
+            Sex::Unknown => f64::midpoint(women[at][k], men[at][k]),
+        });
+        let own: Vec<Segment> = parts.iter().map(|part| segment(*part, sex)).collect();
+        let over = |other: f64, own: f64| if other > 0.0 { other / 100.0 / own } else { 1.0 };
+        let mass: f64 = own.iter().map(|own| own.mass).sum();
+        let com = match own.as_slice() {
+            // Both parts' centres above the lower one's end.
+            [upper, middle] => {
+                let above =
+                    [middle.length + upper.length * (1.0 - upper.com), middle.length * (1.0 - middle.com)];
+                (upper.mass * above[0] + middle.mass * above[1]) / mass
+            }
+            _ => own[0].com,
+        };
+        Ratio {
+            mass: over(other[0], mass),
+            com: over(other[1], com),
+            radius: over(other[2], f64::midpoint(own[0].radii[0], own[0].radii[1])),
+        }
+    })
+}

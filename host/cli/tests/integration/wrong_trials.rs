@@ -386,7 +386,7 @@ fn plates_of_shared_data_that_are_not_where_the_file_has_them_are_reported() {
         floats(&mut bytes, "CORNERS", count, |k, value| if k % 3 == 1 { value + by_mm } else { value });
         over_plates(&bytes)
     };
-    said_of_plates(across(36, 40.0), 0, &["plate 2: by feet", "4.3 ± ", "along y", "CORNERS"]);
+    said_of_plates(across(36, 40.0), 0, &["plate 2: by feet", "4.4 ± ", "along y", "CORNERS"]);
     said_of_plates(across(36, -40.0), 0, &["plate 3: by feet", "-5.4 ± ", "along y"]);
     said_of_plates(across(12, 30.0), 0, &["plate 1: by feet", "along y"]);
     // Along the way a foot tells less.

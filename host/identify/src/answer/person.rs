@@ -150,13 +150,13 @@ pub struct SegmentResult {
     pub radii_m: [f64; 3],
     /// The table's, m.
     pub table_radii_m: [f64; 3],
-    /// How much of the table's variance of the mass the rows took away: 0 if they say nothing of it, 1 if
-    /// they say all.
+    /// How much of the variance of the mass among people of one table the rows took away: 0 if they say
+    /// nothing of it, 1 if they say all.
     pub informed: f64,
     /// True if the motions tell of this segment's mass: else its values are the table's, near enough.
     #[serde(default)]
     pub identified: bool,
-    /// U95 of the table's mass of one person, kg.
+    /// U95 of the table's mass of one person, kg: of people, and of tables that differ.
     #[serde(default)]
     pub table_mass_u95_kg: f64,
 }

@@ -75,7 +75,7 @@ pub fn left_out(study: &Study, person: &Person, keep_s: f64) -> Result<LeftOutMo
 
 /// Returns the base parameters that predict: those of the segments beside the table.
 fn predictor(study: &Study, person: &Person, motions: &[usize]) -> Result<Vec<f64>, StudyError> {
-    Ok(study.segments(person, &study.together(motions)?, motions)?.0.base)
+    study.base_of_segments(person, &study.together(motions)?, motions)
 }
 
 /// Returns the value of a normal distribution that is exceeded as rarely as one of Student's.

@@ -23,4 +23,4 @@ pub mod tool;
 pub use error::{DrawError, StudyError};
 pub use ground::PlateScale;
 pub use motion::{Motion, Parts};
-pub use study::{Study, StudyOptions};
+pub use study::{Segments, Study, StudyOptions};

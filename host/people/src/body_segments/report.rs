@@ -1,10 +1,8 @@
 //! The result about a person, from a study.
 
-use nalgebra::DMatrix;
-
 use super::error::StudyError;
 use super::segments::segments;
-use super::study::Study;
+use super::study::{Segments, Study};
 use crate::person::{Person, Tracked, Unmeasured};
 use rigident_fit::{COVERAGE_95, Fit, Measured};
 use rigident_identify::answer::Answer;
@@ -12,13 +10,12 @@ use rigident_identify::answer::person::{
     DroppedFrames, FarMarker, LeftOut, PersonResult, TrialResult, UnmeasuredContact,
 };
 use rigident_identify::answer::result::ParameterState;
-use rigident_identify::answer::standard_parameters::Full;
 
 /// Markers that are named as farthest off.
 const FARTHEST: usize = 3;
 
-/// Returns what is found of a person; `fit` is of all motions with the table, `found` the segments with their
-/// covariance, `answer` what the fit says, `left_out` how left-out motions are predicted.
+/// Returns what is found of a person; `fit` is of all motions with the table, `found` the segments, `answer` what
+/// the fit says, `left_out` how left-out motions are predicted.
 ///
 /// # Errors
 /// [`StudyError`] as the fits have it.
@@ -26,7 +23,7 @@ pub fn person_result(
     study: &Study,
     person: &Person,
     fit: &Fit,
-    found: (&Full, &DMatrix<f64>),
+    found: &Segments,
     answer: &Answer,
     left_out: &[LeftOut],
 ) -> Result<PersonResult, StudyError> {

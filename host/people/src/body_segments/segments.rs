@@ -6,7 +6,7 @@
 use nalgebra::{DMatrix, Matrix3, UnitQuaternion, Vector3, Vector4};
 
 use super::error::StudyError;
-use super::study::Study;
+use super::study::{Segments, Study};
 use crate::inverse_kinematics::skeleton::{Pose, Turn};
 use crate::person::Person;
 use crate::person::anthropometry::with_whole_mass;
@@ -16,28 +16,30 @@ use rigident_identify::answer::standard_parameters::Full;
 use rigident_model::human::PELVIS_TILT;
 use rigident_model::inertial::Parameters;
 
-/// A segment is identified if motions take so large a part of the table's variance of its mass: a quarter
-/// makes the interval 13 % narrower.
+/// A segment is identified if motions take so large a part of the variance of its mass among people of one
+/// table: a quarter makes that interval 13 % narrower.
 const LEAST_INFORMED: f64 = 0.25;
 
-/// Returns the segments of a person, `found` with their covariance ([`Study::segments`]), and the centre of
-/// mass of all of her when she stands upright, from midway between the hips, m.
+/// Returns the segments of a person, `found` by [`Study::segments`], and the centre of mass of all of her when
+/// she stands upright, from midway between the hips, m.
 ///
 /// # Errors
 /// [`StudyError::Model`] if the table has none.
 pub fn segments(
     study: &Study,
     person: &Person,
-    (found, covariance): (&Full, &DMatrix<f64>),
+    found: &Segments,
 ) -> Result<(Vec<SegmentResult>, [Measured; 3]), StudyError> {
     let model = &person.subject.model;
+    let Segments { full: found, covariance, informed } = found;
     // That the whole is heavier or lighter than the table's tells of no segment.
-    let known = with_whole_mass(&study.known_of_segments(person)?, 0.0);
+    let known = with_whole_mass(&study.known_of_segments(person, &study.options.spread)?, 0.0);
     let each = found.links.iter().filter_map(|link| {
         let at = model.links.iter().position(|l| l.name == link.name)?;
         let own = covariance.view((10 * at, 10 * at), (10, 10)).into_owned();
         let before = known[(10 * at, 10 * at)];
-        Some(segment(&link.name, &link.parameters, &link.nominal, &own, before))
+        let informed = informed.get(at).copied().unwrap_or(0.0);
+        Some(segment(&link.name, [&link.parameters, &link.nominal], &own, (before, informed)))
     });
     Ok((each.collect(), centre(person, found, covariance)))
 }
@@ -83,16 +85,14 @@ fn centre(person: &Person, found: &Full, covariance: &DMatrix<f64>) -> [Measured
 
 fn segment(
     name: &str,
-    phi: &Parameters,
-    table: &Parameters,
+    [phi, table]: [&Parameters; 2],
     covariance: &DMatrix<f64>,
-    before: f64,
+    (before, informed): (f64, f64),
 ) -> SegmentResult {
     let u95 = |variance: f64| COVERAGE_95 * variance.max(0.0).sqrt();
     let (_, radii) = shape(phi);
     let (table_centre, table_radii) = shape(table);
     let mass_kg = Measured { value: phi[0], u95: u95(covariance[(0, 0)]) };
-    let informed = (1.0 - covariance[(0, 0)] / before).clamp(0.0, 1.0);
     SegmentResult {
         name: name.to_owned(),
         mass_kg,

@@ -106,6 +106,17 @@ impl Mass {
     }
 }
 
+/// The segments of a person.
+pub struct Segments {
+    /// Their parameters.
+    pub full: Full,
+    /// The covariance of these, ten of every link of the person's model.
+    pub covariance: DMatrix<f64>,
+    /// The share of the variance of each link's mass, whichever table people are like, that the rows take: 0
+    /// if they tell nothing of it, 1 if they tell all.
+    pub informed: Vec<f64>,
+}
+
 /// All motions of a person.
 pub struct Study {
     /// The motions.
@@ -335,16 +346,41 @@ impl Study {
     }
 
     /// Returns the physically consistent segments of a person by the fit of some motions and by what is known
-    /// of people; and their covariance, ten parameters of every link. That joint centres and plates may be
-    /// off is counted.
+    /// of people. That joint centres and plates may be off is counted.
     ///
     /// # Errors
     /// [`StudyError::Model`] if the table has none.
-    pub fn segments(
+    pub fn segments(&self, person: &Person, fit: &Fit, motions: &[usize]) -> Result<Segments, StudyError> {
+        let (full, covariance) = self.beside(person, fit, motions, &self.options.spread)?;
+        // Motions that tell which table fits tell of no segment by themselves.
+        let one_table = Spread { tables: 0.0, ..self.options.spread };
+        let (_, within) = self.beside(person, fit, motions, &one_table)?;
+        let before = with_whole_mass(&self.known_of_segments(person, &one_table)?, 0.0);
+        let share = |k: usize| (1.0 - within[(10 * k, 10 * k)] / before[(10 * k, 10 * k)]).clamp(0.0, 1.0);
+        let informed = (0..person.subject.model.links.len()).map(share).collect();
+        Ok(Segments { full, covariance, informed })
+    }
+
+    /// Returns the base parameters of these segments.
+    ///
+    /// # Errors
+    /// [`StudyError::Model`] if the table has none.
+    pub(super) fn base_of_segments(
         &self,
         person: &Person,
         fit: &Fit,
         motions: &[usize],
+    ) -> Result<Vec<f64>, StudyError> {
+        Ok(self.beside(person, fit, motions, &self.options.spread)?.0.base)
+    }
+
+    /// Returns the segments beside what is known with a spread, and their covariance.
+    fn beside(
+        &self,
+        person: &Person,
+        fit: &Fit,
+        motions: &[usize],
+        spread: &Spread,
     ) -> Result<(Full, DMatrix<f64>), StudyError> {
         let found = BaseEstimate::of(fit, self.base()).evenly_widened(fit);
         // A zero and a scale are the same in whatever these plates measure: no segment follows them.
@@ -362,7 +398,7 @@ impl Study {
         };
         let errors =
             Errors { moved: columns(&weighted), beside: columns(&others), known: known(&self.table).r() };
-        let known = self.known_of_segments(person)?;
+        let known = self.known_of_segments(person, spread)?;
         Ok(beside(&person.subject.model, &found, (&known, &errors), self.options.symmetric)?)
     }
 
@@ -371,9 +407,13 @@ impl Study {
     ///
     /// # Errors
     /// [`StudyError::Model`] if the table has none.
-    pub(super) fn known_of_segments(&self, person: &Person) -> Result<DMatrix<f64>, StudyError> {
+    pub(super) fn known_of_segments(
+        &self,
+        person: &Person,
+        spread: &Spread,
+    ) -> Result<DMatrix<f64>, StudyError> {
         let model = &person.subject.model;
-        let known = standard(model, &self.options.spread, &person.given).ok_or_else(|| no_table(person))?;
+        let known = standard(model, spread, &person.given).ok_or_else(|| no_table(person))?;
         Ok(match self.options.mass_kg {
             Some([_, sigma_kg]) => with_whole_mass(&known, sigma_kg),
             None => known,

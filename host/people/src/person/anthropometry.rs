@@ -2,7 +2,10 @@
 //!
 //! Mass, centre and tensor of a segment differ from the table's by relative sizes that are stated. Left and
 //! right are one person's: what they share is large, in what they differ is small. All segments together are
-//! lighter or heavier, and larger or smaller where they are scaled by a stature that is not known. Linear
+//! lighter or heavier, and larger or smaller where they are scaled by a stature that is not known. Published
+//! tables differ by more than people do, as each draws the boundaries of segments elsewhere: the differences
+//! of two others from this one, of half their squares each, are deviations of a part's mass on both sides, and
+//! of its shape. Linear
 //! about the table: `δ(m c) = c δm + m δc`, `δI = δI_c + S(c) δm + m (S(c, δc) + S(δc, c))`, with
 //! `S(a, b) = (a·b) 1 − b aᵀ`.
 
@@ -11,8 +14,10 @@ use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use rigident_fit::Gaussian;
 use rigident_model::Model;
 use rigident_model::base::BaseParameters;
-use rigident_model::human::Sex;
+use rigident_model::human::{Ratio, Sex, link_by_other_tables};
 use rigident_model::inertial::Parameters;
+use rigident_shared::inertia::InertialParameters;
+use rigident_shared::spatial::{Body, Position};
 
 /// The deviation of one person's segments from the table's: 1 σ.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,14 +37,27 @@ pub struct Spread {
     pub shared: f64,
     /// Of the stature that bodies are scaled by which no joints bound, relative.
     pub height: f64,
+    /// Whose means the table has.
+    pub sex: Sex,
+    /// Of other tables' differences from this one: 1 as they are, 0 if this one is known to be right.
+    pub tables: f64,
 }
 
 impl Default for Spread {
-    /// Returns sizes as people and tables vary (assumed): shares of mass by 8 to 10 % from person to person,
-    /// left and right by 2 to 3 %; and the means of P. de Leva (1996) from those of R. Dumas et al. (2007):
-    /// thighs 14.2 and 12.3 % of men's mass, upper arms 2.7 and 2.4 %.
+    /// Returns sizes as people vary (assumed): shares of mass by 8 to 12 % from person to person, left and
+    /// right by 2 to 3 %; and as tables differ.
     fn default() -> Self {
-        Self { mass: 0.12, side: 0.02, centre: 0.2, inertia: 0.3, whole: 0.1, shared: 0.8, height: 0.0 }
+        Self {
+            mass: 0.12,
+            side: 0.02,
+            centre: 0.2,
+            inertia: 0.3,
+            whole: 0.1,
+            shared: 0.8,
+            height: 0.0,
+            sex: Sex::Unknown,
+            tables: 1.0,
+        }
     }
 }
 
@@ -60,7 +78,7 @@ impl Spread {
     #[must_use]
     pub fn about(self, sex: Sex, height: f64, symmetric: bool) -> Self {
         let mass = if sex == Sex::Unknown { self.mass.hypot(BETWEEN_SEXES / 2.0) } else { self.mass };
-        let own = Self { mass, height, ..self };
+        let own = Self { mass, height, sex, ..self };
         if symmetric { Self { side: SYMMETRIC, shared: 1.0 - SYMMETRIC, ..own } } else { own }
     }
 
@@ -158,7 +176,74 @@ pub fn standard(model: &Model, spread: &Spread, given: &[GivenMass]) -> Option<D
         power * nominal[row]
     });
     covariance += &taller * taller.transpose() * spread.height.powi(2);
+    covariance += between_tables(&segments, &names, spread.sex, &is_given) * (spread.tables.powi(2) / 2.0);
     Some(covariance)
+}
+
+/// Returns the sum of the squares of other tables' differences from this one, of each part of the body by
+/// itself: of its mass, and of its shape. Nothing is added to segments whose masses are given.
+fn between_tables<'a>(
+    segments: &[Parameters],
+    names: &[&str],
+    sex: Sex,
+    is_given: &dyn Fn(&str) -> Option<&'a GivenMass>,
+) -> DMatrix<f64> {
+    let others: Vec<_> = names
+        .iter()
+        .map(|name| link_by_other_tables(name, sex).filter(|_| is_given(name).is_none()))
+        .collect();
+    let mut parts: Vec<&str> = others.iter().flatten().map(|(part, _)| *part).collect();
+    parts.sort_unstable();
+    parts.dedup();
+    let mut sum = DMatrix::zeros(10 * segments.len(), 10 * segments.len());
+    for part in parts {
+        for table in 0..2 {
+            for is_mass in [true, false] {
+                let of = |(own, other): (&Parameters, &Option<(&str, [Ratio; 2])>)| match other {
+                    Some((name, ratios)) if *name == part => {
+                        let Ratio { mass, com, radius } = ratios[table];
+                        let mass_only = Ratio { mass, com: 1.0, radius: 1.0 };
+                        by_other_table(
+                            own,
+                            if is_mass { mass_only } else { Ratio { mass: 1.0, com, radius } },
+                        )
+                    }
+                    _ => [0.0; 10],
+                };
+                let column = DVector::from_iterator(sum.nrows(), segments.iter().zip(&others).flat_map(of));
+                sum.ger(1.0, &column, &column, 1.0);
+            }
+        }
+    }
+    sum
+}
+
+/// Returns the difference of a segment's ten parameters by another table from those by this one. Centre of
+/// mass and radii count from the origin of the link, its proximal joint.
+fn by_other_table(phi: &Parameters, ratio: Ratio) -> Parameters {
+    let (mass, centre, about) = shape(phi);
+    let com = centre * ratio.com;
+    let other = InertialParameters::<Body, f64>::from_centre_of_mass(
+        mass * ratio.mass,
+        Position::new(com.x, com.y, com.z),
+        about * (ratio.mass * ratio.radius.powi(2)),
+    );
+    let other = other.to_vector();
+    std::array::from_fn(|k| other[k] - phi[k])
+}
+
+/// Returns `(a·b) 1 − b aᵀ`.
+fn square(a: &Vector3<f64>, b: &Vector3<f64>) -> Matrix3<f64> {
+    Matrix3::identity() * a.dot(b) - b * a.transpose()
+}
+
+/// Returns mass, centre of mass and the tensor about that.
+fn shape(phi: &Parameters) -> (f64, Vector3<f64>, Matrix3<f64>) {
+    let mass = phi[0];
+    let centre = Vector3::new(phi[1], phi[2], phi[3]) / mass;
+    let about = Matrix3::new(phi[4], phi[9], phi[8], phi[9], phi[5], phi[7], phi[8], phi[7], phi[6])
+        - square(&centre, &centre) * mass;
+    (mass, centre, about)
 }
 
 /// Signs of the deviations of [`root`] in a mirror: mass, centre along x, y and z, Ixx, Iyy, Izz, Iyz, Izx,
@@ -193,11 +278,7 @@ pub fn bodies(model: &Model) -> DMatrix<f64> {
 
 /// Returns a root of the covariance of a segment's ten parameters: one column for each independent deviation.
 fn root(phi: &Parameters, [common, side]: [f64; 2], spread: &Spread) -> Option<DMatrix<f64>> {
-    let mass = phi[0];
-    let centre = Vector3::new(phi[1], phi[2], phi[3]) / mass;
-    let square = |a: &Vector3<f64>, b: &Vector3<f64>| Matrix3::identity() * a.dot(b) - b * a.transpose();
-    let about = Matrix3::new(phi[4], phi[9], phi[8], phi[9], phi[5], phi[7], phi[8], phi[7], phi[6])
-        - square(&centre, &centre) * mass;
+    let (mass, centre, about) = shape(phi);
     let third = about.trace() / 3.0;
     if !(mass > 0.0 && third > 0.0) {
         return None;
@@ -241,7 +322,7 @@ mod tests {
     #[test]
     fn left_and_right_vary_together_and_the_stature_moves_the_trunk() {
         let model = Person::default().human34().unwrap();
-        let spread = Spread { whole: 0.0, ..Spread::default().about(Sex::Male, 0.03, false) };
+        let spread = Spread { whole: 0.0, tables: 0.0, ..Spread::default().about(Sex::Male, 0.03, false) };
         let found = standard(&model, &spread, &[]).unwrap();
         let at = |name: &str, k: usize| 10 * model.link(name).unwrap() + k;
         let (l, r) = (at("l_thigh", 0), at("r_thigh", 0));
@@ -265,12 +346,35 @@ mod tests {
     fn a_given_mass_is_that_of_its_link_alone() {
         let model = Person::default().human34().unwrap();
         let given = GivenMass { link: "l_shank".to_owned(), kg: 3.16, sigma_kg: 0.1 };
-        let found = standard(&model, &Spread::default(), &[given]).unwrap();
+        let spread = Spread { tables: 0.0, ..Spread::default() };
+        let found = standard(&model, &spread, std::slice::from_ref(&given)).unwrap();
         let at = |name: &str| 10 * model.link(name).unwrap();
         let (l, r, thigh) = (at("l_shank"), at("r_shank"), at("l_thigh"));
         let kg = model.links[l / 10].nominal.unwrap()[0];
         assert!((found[(l, l)].sqrt() - 0.1 * kg / 3.16).abs() < 1e-9);
         assert_eq!((found[(l, r)], found[(l, thigh)]), (0.0, 0.0));
         assert!(found[(r, r)].sqrt() > 0.3 && found[(r, thigh)] > 0.0);
+        // Other tables leave it alone, too.
+        let beside = standard(&model, &Spread::default(), &[given]).unwrap();
+        assert_eq!(beside[(l, l)], found[(l, l)]);
+    }
+
+    #[test]
+    fn other_tables_move_the_parts_of_both_sides() {
+        let model = Person { mass_kg: 100.0, ..Person::default() }.human34().unwrap();
+        let with = |tables: f64| {
+            let spread = Spread { whole: 0.0, tables, ..Spread::default().about(Sex::Male, 0.0, false) };
+            standard(&model, &spread, &[]).unwrap()
+        };
+        let between = with(1.0) - with(0.0);
+        let at = |name: &str, k: usize| 10 * model.link(name).unwrap() + k;
+        let (l, r, torso) = (at("l_thigh", 0), at("r_thigh", 0), at("torso", 0));
+        // Thighs of 10.0, 12.3 and 14.16 kg; a part tells nothing of another one.
+        let expected = (4.16_f64.powi(2) + 1.86_f64.powi(2)) / 2.0;
+        assert!((between[(l, l)] - expected).abs() < 1e-9 && (between[(l, r)] - expected).abs() < 1e-9);
+        assert!(between[(l, torso)].abs() < 1e-12);
+        // The upper arm's centre of mass is at 57.7, 43.6 or 45.2 % of its length.
+        let arm = at("l_upper_arm", 3);
+        assert!(between[(arm, arm)] > (0.1 * 0.2817 * 2.71_f64).powi(2));
     }
 }

@@ -285,7 +285,7 @@ fn identified(
         Some((count, way)) => choices(&study, way, count)?,
     };
     let fit = study.together(&chosen)?;
-    let (full, covariance) = study.segments(&person, &fit, &chosen)?;
+    let found = study.segments(&person, &fit, &chosen)?;
     let fit = study.with_calibration(fit, &chosen);
     let device = beside.map(|beside| beside.compute((&person, &study), &chosen, &fit)).transpose()?;
     let (device, warnings) = device.unzip();
@@ -295,12 +295,12 @@ fn identified(
     let answer = answer(options, (&person, &study), &fit, findings)?;
     caller.stage("left-out motions", 0.0);
     let left_out = left_out(&study, &person, SHOWN_S)?;
-    let result = person_result(&study, &person, &fit, (&full, &covariance), &answer, &left_out.channels)?;
+    let result = person_result(&study, &person, &fit, &found, &answer, &left_out.channels)?;
     let mut answer = answer.with_person(PersonResult { choices, device, tool, ..result });
     answer.notes.extend(beside_human34(paths, options, &left_out.channels, caller));
     answer.elapsed_s = started.elapsed().as_secs_f64();
     let pages = pages(&person, &study, &trials, &left_out);
-    Ok(IdentifiedPerson { answer, person, study, pages, fit, full, osim })
+    Ok(IdentifiedPerson { answer, person, study, pages, fit, full: found.full, osim })
 }
 
 fn study_options(options: &BodyOptions) -> StudyOptions {
