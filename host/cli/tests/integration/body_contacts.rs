@@ -108,6 +108,45 @@ fn who_sits_all_the_time_has_no_mass() {
     assert!(said.contains("living people of that stature") && said.contains("seat"), "{said}");
 }
 
+/// Exit status, the result, and what was said, of a motion alone, with some options.
+fn alone(files: &Files, options: &[&str]) -> (i32, Value, String) {
+    let folder = tempfile::tempdir().unwrap();
+    write(folder.path(), "motion", files);
+    let mut command = Command::new(env!("CARGO_BIN_EXE_rigident"));
+    command.current_dir(folder.path()).args(["body", "identify", "motion.trc", "--json", "--out", "out"]);
+    let output = command.args(options).output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    let result = serde_json::from_slice(&output.stdout).unwrap_or(Value::Null);
+    (output.status.code().unwrap(), result, said)
+}
+
+#[test]
+fn a_stature_is_that_of_an_upright_frame_or_not_claimed() {
+    // She sits in the first frame, and rises.
+    let rises = BODY.recorded(6.0, &rising(&BODY, 6.0), &on_the_seat(6.0));
+    let (_, result, said) = alone(&rises, &[]);
+    let height_m = result["person"]["height_m"].as_f64().unwrap_or_else(|| panic!("{said}"));
+    assert!((height_m / BODY.height_m - 1.0).abs() < 0.08, "{height_m}");
+    assert!(!result["warnings"].to_string().contains("upright in no frame"), "{}", result["warnings"]);
+    // She sits all the time: whether that is refused or not, no stature is claimed.
+    let sits = BODY.recorded(2.0, &|_| rising(&BODY, 6.0)(0.4), &|_| Carried::Seat(-0.30));
+    let (code, result, said) = alone(&sits, &[]);
+    assert!(code == 2 || result["warnings"].to_string().contains("upright in no frame"), "{result} {said}");
+}
+
+#[test]
+fn a_stature_that_is_not_the_markers_is_named_with_both() {
+    let squats = BODY.recorded(2.0, &squat, &|_| Carried::Both);
+    let (_, result, said) = alone(&squats, &["--height-m", "1.95"]);
+    assert!(result["warnings"].to_string().contains("the stature is given as 1.95 m"), "{result} {said}");
+    for (given, words) in
+        [("1.2", "given as 1.200 m, and by the markers it is about 1."), ("1720", "unit right")]
+    {
+        let (code, _, said) = alone(&squats, &["--height-m", given]);
+        assert!(code == 2 && said.contains(words), "{said}");
+    }
+}
+
 #[test]
 fn a_rail_is_named_where_the_hand_is() {
     // Squats with a rail pushed down upon with 120 N for two seconds of six.

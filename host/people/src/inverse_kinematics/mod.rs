@@ -3,7 +3,7 @@
 //! Lives here: a tree of links in a pose ([`skeleton`]), markers that are fixed to its links ([`markers`])
 //! with what is known of common marker sets ([`landmarks`]), the pose of a frame ([`solve`]), joint centres
 //! and marker places from frames of one person ([`calibrate`]), its lengths beside those from elsewhere
-//! (`lengths`), and the model of that person ([`subject`]). May not live here: files, and whatever follows
+//! (`lengths`), the stature (`stature`), and the model of that person ([`subject`]). May not live here: files, and whatever follows
 //! from the coordinates.
 
 pub mod calibrate;
@@ -18,6 +18,7 @@ mod pelvis;
 mod sides;
 pub mod skeleton;
 pub mod solve;
+mod stature;
 pub mod subject;
 #[cfg(test)]
 mod tests;

@@ -14,6 +14,8 @@ use super::pelvis::{LOWEST_JOINT_SIGMA_M, pelvis, trunk};
 use super::sides::{exchanged, exchanged_pair, is_exchanged};
 use super::skeleton::{Pose, Skeleton};
 use super::solve::Solver;
+pub use super::stature::Stature;
+use super::stature::{by_legs, upright_frame};
 use rigident_io::motion_capture::registration::nearest_rotation;
 use rigident_model::human::Person;
 use rigident_model::{Model, ModelError};
@@ -23,6 +25,11 @@ const FEWEST: usize = 5;
 
 /// Frames that left and right are compared in.
 const COMPARED: usize = 5;
+/// A stature by the markers is taken if it differs by more than this from the one that the model was made
+/// with, relative; …
+const SAME_STATURE: f64 = 0.02;
+/// … this many times at most.
+const ROUNDS: usize = 3;
 /// Statures of people from small children on, m.
 const STATURES_M: [f64; 2] = [0.5, 2.5];
 
@@ -60,6 +67,17 @@ pub enum SubjectError {
     Stature {
         /// The stature, m.
         height_m: f64,
+    },
+    /// The stature that is given is not the markers'.
+    #[error(
+        "the stature is given as {given_m:.3} m, and by the markers it is about {found_m:.2} m: is it of this \
+         person, and in metres? Correct `height_m`, or leave it out"
+    )]
+    OtherStature {
+        /// The one that is given, m.
+        given_m: f64,
+        /// That of the markers, m.
+        found_m: f64,
     },
     /// Left and right are exchanged.
     #[error(
@@ -124,17 +142,42 @@ pub struct Subject {
     pub unknown: Vec<String>,
     /// The trunk's link if no marker follows it.
     pub unseen_trunk: Option<usize>,
+    /// The stature by the markers.
+    pub stature: Stature,
     /// The information of frames and prior on the places of joints and markers ([`Calibrated::information`]),
     /// its lower triangular root.
     root: DMatrix<f64>,
 }
 
 /// Returns the model of a person from frames of markers, `labels` their names; the first frames are those
-/// that the person stands upright in, as far as there are any.
+/// that the person stands upright in, as far as there are any. A stature that is not given is that of an
+/// upright frame, else that by the legs.
 ///
 /// # Errors
 /// [`SubjectError`] says what is missing.
 pub fn subject(
+    labels: &[String],
+    frames: &[Vec<Option<Vector3<f64>>>],
+    kind: HumanModel,
+    known: &Known,
+) -> Result<Subject, SubjectError> {
+    let mut found = scaled(labels, frames, kind, known)?;
+    if let Some(given_m) = known.height_m {
+        found.stature.refuse_impossible(given_m)?;
+        return Ok(found);
+    }
+    for _ in 0..ROUNDS {
+        let height_m = found.stature.height_m;
+        if (height_m / found.person.height_m - 1.0).abs() < SAME_STATURE {
+            break;
+        }
+        found = scaled(labels, frames, kind, &Known { height_m: Some(height_m), ..known.clone() })?;
+    }
+    Ok(found)
+}
+
+/// Returns the model with the stature that is given, else with that of the first frame.
+fn scaled(
     labels: &[String],
     frames: &[Vec<Option<Vector3<f64>>>],
     kind: HumanModel,
@@ -167,13 +210,16 @@ pub fn subject(
     let found = calibrate(&skeleton, &markers, &sigma, &seen, &poses).ok_or(SubjectError::Calibration)?;
     let root = found.information.clone().cholesky().ok_or(SubjectError::Calibration)?.unpack();
     let found = if known.symmetric { mirrored(found, &model(&person, kind)?, &seen)? } else { found };
-    let Calibrated { skeleton, markers, rms_m, .. } = found;
+    let Calibrated { skeleton, markers, rms_m, poses, .. } = found;
+    let upright = question.upright_stature(&person, (&skeleton, &poses))?;
     person.lengths_m = lengths(&model(&person, kind)?, &skeleton);
+    let own = Stature { height_m: person.height_m, upright: false };
+    let stature = upright.or_else(|| by_legs(&person)).unwrap_or(own);
     let mut model = model(&person, kind)?;
     for (link, found) in model.links.iter_mut().zip(skeleton.links()) {
         link.link.position = found.position;
     }
-    Ok(Subject { person, model, skeleton, markers, rms_m, unknown, unseen_trunk: None, root })
+    Ok(Subject { person, model, skeleton, markers, rms_m, unknown, unseen_trunk: None, stature, root })
 }
 
 /// Frames of markers and what is known beside them, of which a person's model is made.
@@ -229,6 +275,20 @@ impl Question<'_> {
             person.height_m = height_m;
         }
         Ok(first)
+    }
+
+    /// Returns the stature of a frame in which the person is upright, by the poses of all frames; `None` if
+    /// there is none.
+    fn upright_stature(
+        &self,
+        person: &Person,
+        (skeleton, poses): (&Skeleton, &[Pose]),
+    ) -> Result<Option<Stature>, SubjectError> {
+        let (model, nominal, markers) = self.attached(&Person { lengths_m: Vec::new(), ..person.clone() })?;
+        let frame = upright_frame(&model, skeleton, poses).and_then(|frame| self.frames.get(frame));
+        let found = frame.and_then(|frame| similarity(&nominal, &markers, &of_frame(&markers, frame)));
+        let of = |scale: f64| Stature { height_m: person.height_m * scale, upright: true };
+        Ok(found.map(|(.., scale)| of(scale)))
     }
 
     /// Refuses lengths from elsewhere that are another person's.

@@ -102,6 +102,7 @@ impl Person {
         let mut warnings = drifts(trials);
         let (mut notes, unzeroed) = zero(trials, options.plates_zeroed);
         let (subject, fixed) = scaled(trials, standing, options, progress)?;
+        warnings.extend(doubtful_stature(&subject, options.height_m));
         notes.extend(compared_lengths(&options.lengths_m, &subject));
         notes.extend(assumptions(&subject, &fixed, standing.is_some(), options));
         let (tracked, of_contacts) = track_all(trials, unzeroed, &subject, &options.track, progress)?;
@@ -260,13 +261,13 @@ fn assumptions(subject: &Subject, fixed: &[String], stands: bool, options: &Peop
             options.sex.words()
         ));
     }
-    if !stands && options.height_m.is_none() {
+    if !stands && subject.stature.upright && options.height_m.is_none() {
         notes.push(format!(
             "the stature, {:.2} m, comes from a pose in motion: who is bent there is found too small; give \
              `static` or `height_m`",
             subject.person.height_m
         ));
-    } else if options.height_m.is_none() {
+    } else if stands && options.height_m.is_none() {
         notes.push(format!(
             "the stature, {:.2} m, comes from the standing trial's markers, to some per cent; the table is \
              scaled by it: give `height_m` if it is known",
@@ -277,6 +278,28 @@ fn assumptions(subject: &Subject, fixed: &[String], stands: bool, options: &Peop
         notes.push("no marker follows the trunk: it is taken to stay upright".to_owned());
     }
     notes
+}
+
+/// Warns of a stature that is not known, or is given and is not that of the markers.
+fn doubtful_stature(subject: &Subject, given_m: Option<f64>) -> Option<String> {
+    let found = subject.stature;
+    let Some(given_m) = given_m else {
+        return (!found.upright).then(|| {
+            format!(
+                "the person is upright in no frame, so that the stature is not known: {:.2} m is a guess by the \
+                 legs that may be far too small, and the table is scaled by it; give `static` or `height_m`",
+                subject.person.height_m
+            )
+        });
+    };
+    let by = if found.upright { "in an upright frame" } else { "by the length of the legs" };
+    found.contradicts(given_m).then(|| {
+        format!(
+            "the stature is given as {given_m:.2} m, and {by} the markers make somebody {:.2} m tall: trunk, \
+             head, hands and feet of the table are scaled by it; check `height_m`",
+            found.height_m
+        )
+    })
 }
 
 /// Tracks every trial, and takes what is not needed any more out of them; with warnings of contacts that no
