@@ -27,7 +27,7 @@ use rigident_model::write;
 use rigident_people::body_segments::choice::{Way, choices};
 use rigident_people::body_segments::left_out::left_out;
 use rigident_people::body_segments::opensim::in_opensim;
-use rigident_people::body_segments::report::person_result;
+use rigident_people::body_segments::report::{person_result, worse_than_table};
 use rigident_people::body_segments::tool::tool;
 use rigident_people::body_segments::{Parts, PlateScale, Study, StudyError, StudyOptions};
 use rigident_people::inverse_kinematics::marker_file::MarkerFile;
@@ -296,7 +296,9 @@ fn identified(
     caller.stage("left-out motions", 0.0);
     let left_out = left_out(&study, &person, SHOWN_S)?;
     let result = person_result(&study, &person, &fit, &found, &answer, &left_out.channels)?;
+    let withheld = worse_than_table(&left_out.channels).filter(|_| !result.segments.is_empty());
     let mut answer = answer.with_person(PersonResult { choices, device, tool, ..result });
+    answer.notes.extend(withheld);
     answer.notes.extend(beside_human34(paths, options, &left_out.channels, caller));
     answer.elapsed_s = started.elapsed().as_secs_f64();
     let pages = pages(&person, &study, &trials, &left_out);
