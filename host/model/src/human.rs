@@ -459,7 +459,8 @@ mod tests {
         // Thighs of 10.0 and 12.3 % of men's mass beside 14.16.
         let thigh = link_by_other_tables("l_thigh", Sex::Male).unwrap().1.map(|ratio| ratio.mass);
         assert!((thigh[0] - 0.706).abs() < 1e-3 && (thigh[1] - 0.869).abs() < 1e-3, "{thigh:?}");
-        // The trunk's centre of mass is 12.95 % of men's stature above the pelvis, by the others 9.6 and 15.6.
+        // The trunk's centre of mass is 12.95 % of men's stature above the pelvis, by the others 9.6 and
+        // 15.6.
         let trunk = link_by_other_tables("torso", Sex::Male).unwrap().1.map(|ratio| ratio.com);
         assert!((trunk[0] - 0.741).abs() < 2e-3 && (trunk[1] - 1.204).abs() < 2e-3, "{trunk:?}");
     }

@@ -151,12 +151,12 @@ pub struct Ratio {
 
 /// Mass (%), and centre of mass and radius of gyration across the segment over the distance between its
 /// joints (%); 0 where ends or axes are other ones than here. Head and neck, trunk above the pelvis, pelvis,
-/// upper arm, forearm, hand, thigh, shank, foot. The trunk's centre of mass is that above its lowest joint over
-/// the stature (%).
+/// upper arm, forearm, hand, thigh, shank, foot. The trunk's centre of mass is that above its lowest joint
+/// over the stature (%).
 type Other = [[f64; 3]; 9];
 
-/// W. Dempster's cadavers of men (1955), as D. Winter's textbook has them (table 4.1): thorax and abdomen have
-/// their centre of mass at 63 % of the way from C7 to L4, which is 26 % of the stature.
+/// W. Dempster's cadavers of men (1955), as D. Winter's textbook has them (table 4.1): thorax and abdomen
+/// have their centre of mass at 63 % of the way from C7 to L4, which is 26 % of the stature.
 const DEMPSTER: Other = [
     [8.1, 0.0, 0.0],
     [35.5, 9.6, 0.0],
@@ -169,8 +169,8 @@ const DEMPSTER: Other = [
     [1.45, 0.0, 0.0],
 ];
 
-/// R. Dumas et al. (2007) after J. McConville (men) and J. Young (women): women's, then men's; the torso is 429
-/// and 477 mm long at a stature of 1.61 and 1.77 m, its centre of mass at 43.6 and 42.0 % from above.
+/// R. Dumas et al. (2007) after J. McConville (men) and J. Young (women): women's, then men's; the torso is
+/// 429 and 477 mm long at a stature of 1.61 and 1.77 m, its centre of mass at 43.6 and 42.0 % from above.
 const DUMAS: [Other; 2] = [
     [
         [6.7, 0.0, 0.0],

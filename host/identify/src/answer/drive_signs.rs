@@ -103,8 +103,8 @@ fn pushing(fit: &Fit) -> Vec<usize> {
     below_zero(fit, CERTAIN_SD)
 }
 
-/// Returns the numbers of the drives' friction and rotors that are negative by more than so many standard
-/// deviations.
+/// Returns the numbers of the drives' friction and rotors that are negative by more than this number of
+/// standard deviations.
 fn below_zero(fit: &Fit, limit_sd: f64) -> Vec<usize> {
     let data = fit.data_alone();
     let is_negative = |j: usize, p: &Parameter| {

@@ -111,13 +111,13 @@ impl Choice {
         })
     }
 
-    /// Returns the gain of Schwarz's criterion by so many more columns that explain a sum of squares.
+    /// Returns the gain of Schwarz's criterion by a number of more columns that explain a sum of squares.
     fn gain(&self, columns: usize, explained: f64) -> f64 {
         let rows = INDEPENDENT * self.rows;
         rows * (self.left / (self.left - explained)).ln() - columns as f64 * rows.max(1.0).ln()
     }
 
-    /// Returns the probability that so many columns explain a sum of squares by chance.
+    /// Returns the probability that this number of columns explains a sum of squares by chance.
     fn chance(&self, columns: usize, explained: f64) -> f64 {
         let unknowns = self.unknowns + columns as f64;
         let free = INDEPENDENT * self.rows - unknowns;

@@ -157,7 +157,7 @@ impl Take {
             self.first_s = time;
         }
         let expected = self.first_s + frames as f64 / self.rate_hz;
-        if !((time - expected).abs() * self.rate_hz <= JITTER) {
+        if time.is_nan() || (time - expected).abs() * self.rate_hz > JITTER {
             return Err(wrong(format!(
                 "frame {} is at {time} s, and by {} frames a second at {expected:.4} s: export every frame",
                 frames + 1,

@@ -55,10 +55,10 @@ impl Channel {
         self.noise().is_some()
     }
 
-    /// Returns the standard deviation of the noise, if neighbouring readings are apart as noise is, up and down
-    /// in turn, and not as a smooth motion is: of the fourth differences of white noise four in five have
-    /// another sign than the one before (their correlation is −0.8), of a motion's hardly any. Decimals that a
-    /// file lacks are noise of less than [`LEAST_NOISE`] of what the channel does.
+    /// Returns the standard deviation of the noise, if neighbouring readings are apart as noise is, up and
+    /// down in turn, and not as a smooth motion is: of the fourth differences of white noise four in five
+    /// have another sign than the one before (their correlation is −0.8), of a motion's hardly any. Decimals
+    /// that a file lacks are noise of less than [`LEAST_NOISE`] of what the channel does.
     fn noise(&self) -> Option<f64> {
         let fourth = |w: &[f64]| match w {
             [a, b, c, d, e] => a - 4.0 * b + 6.0 * c - 4.0 * d + e,
@@ -80,8 +80,8 @@ impl Channel {
         Some(noise).filter(|noise| *noise > LEAST_NOISE * variance.sqrt())
     }
 
-    /// Returns the limits at which the channel is saturated: extreme values that are read many times, where the
-    /// values next to them, which noise makes as likely, are read seldom.
+    /// Returns the limits at which the channel is saturated: extreme values that are read many times, where
+    /// the values next to them, which noise makes as likely, are read seldom.
     fn limits(&self) -> Vec<f64> {
         let extremes = [f64::max as fn(f64, f64) -> f64, f64::min];
         let extremes = extremes.map(|of| self.values.iter().copied().reduce(of).unwrap_or(f64::NAN));
@@ -199,9 +199,9 @@ impl Recording {
         pairs
     }
 
-    /// Leaves out the rows in which an IMU's channel, or a joint's position or rate, has a spike, and those in
-    /// which a channel of the load cell or an IMU is saturated at a limit that is not stated; tells of them by
-    /// channel. Spikes of wrench and efforts stay: rows that they have spoilt weigh less in the fit.
+    /// Leaves out the rows in which an IMU's channel, or a joint's position or rate, has a spike, and those
+    /// in which a channel of the load cell or an IMU is saturated at a limit that is not stated; tells of
+    /// them by channel. Spikes of wrench and efforts stay: rows that they have spoilt weigh less in the fit.
     pub fn leave_out_bad_readings(&mut self) {
         if self.is_static || self.rows() < LEAST_ROWS {
             return;

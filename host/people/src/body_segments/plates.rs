@@ -72,8 +72,8 @@ pub struct PlateErrors {
     pub values: Vec<f64>,
     /// Their covariance.
     pub covariance: DMatrix<f64>,
-    /// True if different scales leave less of the vertical force than equal ones: that is where a scale is seen
-    /// first, and in a second of standing moments alone are explained by anything.
+    /// True if different scales leave less of the vertical force than equal ones: that is where a scale is
+    /// seen first, and in a second of standing moments alone are explained by anything.
     pub scales_explain: bool,
 }
 
@@ -177,8 +177,8 @@ fn of_trial(
     }))
 }
 
-/// Returns what is known beforehand: the table, and next to nothing of plates but how far their scales differ,
-/// 1 σ.
+/// Returns what is known beforehand: the table, and next to nothing of plates but how far their scales
+/// differ, 1 σ.
 fn beforehand(table: &Gaussian, tracked: &Tracked, scale: f64) -> Option<Gaussian> {
     let (n, plates) = (table.names().len(), tracked.plates.len());
     let all = n + EACH * plates + 6 * tracked.unzeroed.len();

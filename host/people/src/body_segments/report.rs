@@ -35,8 +35,8 @@ pub fn worse_than_table(left_out: &[LeftOut]) -> Option<String> {
     })
 }
 
-/// Returns what is found of a person; `fit` is of all motions with the table, `found` the segments, `answer` what
-/// the fit says, `left_out` how left-out motions are predicted.
+/// Returns what is found of a person; `fit` is of all motions with the table, `found` the segments, `answer`
+/// what the fit says, `left_out` how left-out motions are predicted.
 ///
 /// # Errors
 /// [`StudyError`] as the fits have it.

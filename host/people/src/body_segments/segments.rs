@@ -20,8 +20,8 @@ use rigident_model::inertial::Parameters;
 /// table: a quarter makes that interval 13 % narrower.
 const LEAST_INFORMED: f64 = 0.25;
 
-/// Returns the segments of a person, `found` by [`Study::segments`], and the centre of mass of all of her when
-/// she stands upright, from midway between the hips, m.
+/// Returns the segments of a person, `found` by [`Study::segments`], and the centre of mass of all of her
+/// when she stands upright, from midway between the hips, m.
 ///
 /// # Errors
 /// [`StudyError::Model`] if the table has none.

@@ -3,8 +3,8 @@
 //! Lives here: a tree of links in a pose ([`skeleton`]), markers that are fixed to its links ([`markers`])
 //! with what is known of common marker sets ([`landmarks`]), the pose of a frame ([`solve`]), joint centres
 //! and marker places from frames of one person ([`calibrate`]), its lengths beside those from elsewhere
-//! (`lengths`), the stature (`stature`), and the model of that person ([`subject`]). May not live here: files, and whatever follows
-//! from the coordinates.
+//! (`lengths`), the stature (`stature`), and the model of that person ([`subject`]). May not live here:
+//! files, and whatever follows from the coordinates.
 
 pub mod calibrate;
 mod known;

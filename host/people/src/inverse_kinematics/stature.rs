@@ -1,14 +1,13 @@
 //! The stature by the markers, of a frame in which somebody is upright, else by the length of the legs.
 
 use super::skeleton::{Pose, Skeleton};
-use super::subject::SubjectError;
 use rigident_model::Model;
 use rigident_model::human::Person;
 
 /// Nobody is upright whose knee or hip bends by more than this on either side, rad.
 const UPRIGHT: f64 = 0.6;
-/// The distance from hip to ankle over the stature (assumed): 0.491 by R. Drillis and R. Contini (1966), 0.462
-/// and 0.492 of women and men by P. de Leva (1996).
+/// The distance from hip to ankle over the stature (assumed): 0.491 by R. Drillis and R. Contini (1966),
+/// 0.462 and 0.492 of women and men by P. de Leva (1996).
 const LEGS: f64 = 0.485;
 /// A stature that is given is doubtful if it differs by more than this from that of an upright frame, and by
 /// the length of legs, relative; …
@@ -31,12 +30,9 @@ impl Stature {
         self.off(given_m) > self.doubtful()
     }
 
-    /// Refuses a stature that cannot be that of the person with the markers.
-    pub(super) fn refuse_impossible(&self, given_m: f64) -> Result<(), SubjectError> {
-        if self.off(given_m) > IMPOSSIBLE * self.doubtful() {
-            return Err(SubjectError::OtherStature { given_m, found_m: self.height_m });
-        }
-        Ok(())
+    /// Returns true if a stature that is given cannot be that of the person with the markers.
+    pub(super) fn rules_out(&self, given_m: f64) -> bool {
+        self.off(given_m) > IMPOSSIBLE * self.doubtful()
     }
 
     fn off(&self, given_m: f64) -> f64 {
@@ -110,7 +106,7 @@ mod tests {
     fn a_stature_that_is_given_is_compared_with_that_of_the_markers() {
         let found = Stature { height_m: 1.6, upright: true };
         assert!(!found.contradicts(1.7) && found.contradicts(1.8));
-        assert!(found.refuse_impossible(1.85).is_ok() && found.refuse_impossible(1.2).is_err());
+        assert!(!found.rules_out(1.85) && found.rules_out(1.2));
         // Legs tell less.
         assert!(!Stature { upright: false, ..found }.contradicts(1.8));
     }

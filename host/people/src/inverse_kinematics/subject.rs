@@ -163,7 +163,9 @@ pub fn subject(
 ) -> Result<Subject, SubjectError> {
     let mut found = scaled(labels, frames, kind, known)?;
     if let Some(given_m) = known.height_m {
-        found.stature.refuse_impossible(given_m)?;
+        if found.stature.rules_out(given_m) {
+            return Err(SubjectError::OtherStature { given_m, found_m: found.stature.height_m });
+        }
         return Ok(found);
     }
     for _ in 0..ROUNDS {

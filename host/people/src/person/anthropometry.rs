@@ -4,9 +4,9 @@
 //! right are one person's: what they share is large, in what they differ is small. All segments together are
 //! lighter or heavier, and larger or smaller where they are scaled by a stature that is not known. Published
 //! tables differ by more than people do, as each draws the boundaries of segments elsewhere: the differences
-//! of two others from this one, of half their squares each, are deviations of a part's mass on both sides, and
-//! of its shape. Linear
-//! about the table: `δ(m c) = c δm + m δc`, `δI = δI_c + S(c) δm + m (S(c, δc) + S(δc, c))`, with
+//! of two others from this one, of half their squares each, are deviations of a part's mass on both sides,
+//! and of its shape. Linear about the table: `δ(m c) = c δm + m δc`, `δI = δI_c + S(c) δm + m (S(c, δc) +
+//! S(δc, c))`, with
 //! `S(a, b) = (a·b) 1 − b aᵀ`.
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};

@@ -14,12 +14,12 @@ use crate::inverse_kinematics::subject::Subject;
 use rigident_fit::parallel;
 use rigident_io::motion_capture::trial::Trial;
 
-/// A freedom is not determined by a frame in which markers are missing if its deviation is this many times the
-/// trial's median, …
+/// A freedom is not determined by a frame in which markers are missing if its deviation is this many times
+/// the trial's median, …
 const UNDETERMINED: f32 = 2.5;
-/// … and larger than this, rad: straight legs show the turn about their axis by markers a thumb's breadth off
-/// it, bent ones by the shank's. With all markers that is so of a pose itself, and the turn about such an axis
-/// moves next to no mass.
+/// … and larger than this, rad: straight legs show the turn about their axis by markers a thumb's breadth
+/// off it, bent ones by the shank's. With all markers that is so of a pose itself, and the turn about such
+/// an axis moves next to no mass.
 const LEAST_UNDETERMINED: f32 = 0.2;
 /// The heading of a trunk that no marker follows is that of the pelvis over this time, s.
 const HEADING_S: f64 = 1.0;
@@ -225,7 +225,8 @@ mod tests {
 
     #[test]
     fn frames_with_all_markers_are_kept_though_a_turn_is_hardly_shown() {
-        // A straight arm shows the turn about its axis to 0.6 rad; in the last frame a marker is missing, too.
+        // A straight arm shows the turn about its axis to 0.6 rad; in the last frame a marker is missing,
+        // too.
         let mut own = Stretch {
             numbers: vec![1.0; 8],
             deviations: vec![0.1, 0.1, 0.6, 0.6],
