@@ -263,7 +263,9 @@ fn files_without_a_trial_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("walk.csv"), "t,fx\n0,1\n").unwrap();
     std::fs::write(folder.path().join("text.c3d"), "this is no C3D file").unwrap();
-    refused(identify(folder.path(), &["walk.csv"]), 2, &["walk.csv is no trial by its name", ".c3d or .trc"]);
+    std::fs::write(folder.path().join("walk.tsv"), "t,fx\n0,1\n").unwrap();
+    refused(identify(folder.path(), &["walk.tsv"]), 2, &["walk.tsv is no trial by its name", ".c3d, .trc"]);
+    refused(identify(folder.path(), &["walk.csv"]), 2, &["walk.csv", "OptiTrack's Motive", ".c3d or .trc"]);
     refused(identify(folder.path(), &["text.c3d"]), 2, &["text.c3d", "C3D"]);
     refused(identify(folder.path(), &["none.c3d"]), 2, &["none.c3d cannot be read"]);
     refused(identify(folder.path(), &["none.c3d", "--mass-kg", "-3"]), 2, &["--mass-kg -3"]);

@@ -187,7 +187,10 @@ fn without_frames() -> MotiveError {
 fn settings(first: &StringRecord) -> Result<(f64, f64), MotiveError> {
     let cells: Vec<&str> = first.iter().map(|cell| cell.trim_start_matches('\u{feff}').trim()).collect();
     if cells.first() != Some(&FIRST) {
-        return Err(MotiveError::Missing(format!("no CSV of Motive: it does not begin with {FIRST}")));
+        return Err(MotiveError::Missing(format!(
+            "a CSV is a trial if OptiTrack's Motive wrote it, and this one does not begin with {FIRST}: give \
+             such a one, or .c3d or .trc"
+        )));
     }
     let value =
         |name: &str| cells.chunks(2).find(|pair| pair[0] == name).and_then(|pair| pair.get(1).copied());

@@ -218,7 +218,7 @@ impl Trial {
     /// Returns markers beside forces of another file in axes whose z points up.
     fn beside_forces(mut self) -> Result<Self, TrialError> {
         if self.ground.is_empty() {
-            self.notes.push("there are no forces of the ground".to_owned());
+            self.notes.insert(0, "there are no forces of the ground".to_owned());
         }
         self.forget_zeros();
         self.same_signs()?;

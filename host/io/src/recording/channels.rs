@@ -85,8 +85,12 @@ impl Channel {
     fn limits(&self) -> Vec<f64> {
         let extremes = [f64::max as fn(f64, f64) -> f64, f64::min];
         let extremes = extremes.map(|of| self.values.iter().copied().reduce(of).unwrap_or(f64::NAN));
+        // One stretch of equal readings is a channel that froze, which is judged elsewhere.
         let often = |limit: &f64| {
-            self.values.iter().filter(|v| *v == limit).take(LEAST_AT_LIMIT).count() >= LEAST_AT_LIMIT
+            let stretches = self.values.chunk_by(|a, b| a == b).filter(|own| own[0] == *limit);
+            let (count, readings) =
+                stretches.fold((0, 0), |(n, readings), own| (n + 1, readings + own.len()));
+            count > 1 && readings >= LEAST_AT_LIMIT
         };
         let mut limits: Vec<f64> = extremes.into_iter().filter(often).collect();
         if limits.is_empty() {

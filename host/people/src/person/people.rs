@@ -203,7 +203,7 @@ impl Person {
 /// Refuses trials without forces of the ground, and those without frames.
 fn refuse_empty(trials: &[Trial]) -> Result<(), PersonError> {
     if let Some(trial) = trials.iter().find(|t| t.ground.is_empty()) {
-        let why = trial.notes.last().map_or("there are no forces of the ground", String::as_str);
+        let why = trial.notes.first().map_or("there are no forces of the ground", String::as_str);
         return Err(PersonError::NoFrames {
             name: trial.name.clone(),
             why: format!(
