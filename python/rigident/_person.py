@@ -14,7 +14,7 @@ from rigident import _rigident
 from rigident._call import Known, PathLike, known_values
 from rigident._errors import RigidentError
 from rigident._factor import Factor
-from rigident._results import Result, framed, result_of
+from rigident._results import Result, by_name, framed, result_of
 
 
 @dataclass(frozen=True)
@@ -47,6 +47,10 @@ class Person:
 
     result: Result = field(repr=False)
     """The answer: status, whole mass, base parameters, warnings; ``result.object["person"]`` has the tables of the report."""
+    mass_kg: float | None
+    """The whole mass, kg; ``None`` if it is not identified."""
+    mass_u95_kg: float | None
+    """95 % expanded uncertainty of it, kg."""
     segments: tuple[Segment, ...]
     """The segments; none where the recording cannot be true."""
     factors: Mapping[str, Factor] = field(repr=False)
@@ -54,28 +58,13 @@ class Person:
     pages: Mapping[str, str] = field(repr=False)
     """Pages that play the trials, HTML, by the names of their files."""
 
-    @property
-    def mass_kg(self) -> float | None:
-        """The whole mass, kg; ``None`` if it is not identified."""
-        mass = self.result.object["person"].get("mass_kg")
-        return None if mass is None else float(mass["value"])
-
-    @property
-    def mass_u95_kg(self) -> float | None:
-        """95 % expanded uncertainty of it, kg."""
-        mass = self.result.object["person"].get("mass_kg")
-        return None if mass is None else float(mass["u95"])
-
     def __getitem__(self, name: str) -> Segment:
         """Returns the segment of a name.
 
         Raises:
             KeyError: There is none; it names those that there are.
         """
-        for segment in self.segments:
-            if segment.name == name:
-                return segment
-        raise KeyError(f"{name}: the segments are {', '.join(s.name for s in self.segments)}")
+        return by_name(self.segments, name, "segments")
 
     def _repr_html_(self) -> str:
         """Shows the report in Jupyter."""
@@ -166,9 +155,12 @@ def identify_person(
     }
     found = _rigident.identify_person(_paths(trials), options)
     result = result_of(found["answer"])
-    segments = json.loads(result.json).get("person", {}).get("segments", [])
+    whole = json.loads(result.json).get("person", {})
+    mass = whole.get("mass_kg") or {}
     return Person(
         result=result,
+        mass_kg=mass.get("value"),
+        mass_u95_kg=mass.get("u95"),
         segments=tuple(
             Segment(
                 name=s["name"],
@@ -181,7 +173,7 @@ def identify_person(
                 table_mass_kg=s["table_mass_kg"],
                 table_mass_u95_kg=s["table_mass_u95_kg"],
             )
-            for s in segments
+            for s in whole.get("segments", [])
         ),
         factors={name: Factor.from_bytes(data, name) for data, name in found["factors"]},
         pages=dict(found["pages"]),

@@ -6,7 +6,7 @@ import html
 import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -127,10 +127,7 @@ class Result:
         Raises:
             KeyError: There is none; it names those that there are.
         """
-        for parameter in self.parameters:
-            if parameter.name == name:
-                return parameter
-        raise KeyError(f"{name}: the parameters are {', '.join(p.name for p in self.parameters)}")
+        return by_name(self.parameters, name, "parameters")
 
     def value(self, name: str) -> float:
         """Returns the value of a parameter in its unit.
@@ -203,6 +200,27 @@ class Result:
     def _repr_html_(self) -> str:
         """Shows the report in Jupyter."""
         return framed(self.page)
+
+
+class _Named(Protocol):
+    @property
+    def name(self) -> str: ...
+
+
+_N = TypeVar("_N", bound=_Named)
+
+
+def by_name(all_of_them: Iterable[_N], name: str, what: str) -> _N:
+    """Returns the one of a name.
+
+    Raises:
+        KeyError: There is none; it names those that there are.
+    """
+    those = list(all_of_them)
+    for one in those:
+        if one.name == name:
+            return one
+    raise KeyError(f"{name}: the {what} are {', '.join(one.name for one in those)}")
 
 
 def framed(page: str) -> str:

@@ -52,3 +52,14 @@ fn exception(py: Python<'_>, message: &str, failure: &Failure, messages: &[Strin
         .and_then(|class| class.call1((message, failure.status() as i32, place, messages)));
     exception.map_or_else(|error| error, PyErr::from_value)
 }
+
+/// Returns the value of a name, of those there are.
+///
+/// # Errors
+/// There is no such name; lists them.
+pub fn named<'a, T>(what: &str, name: &str, all: &'a [(&str, T)]) -> Result<&'a T, Refused> {
+    all.iter().find(|(own, _)| *own == name).map(|(_, value)| value).ok_or_else(|| {
+        let names: Vec<&str> = all.iter().map(|(own, _)| *own).collect();
+        Refused::usage(format!("{what} {name:?}: must be one of {}", names.join(", ")))
+    })
+}

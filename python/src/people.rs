@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use pyo3::prelude::*;
-use rigident::application::body::{HeldTool, NoModel};
+use rigident::application::body::HeldTool;
 use rigident::application::{self, BodyOptions};
 use rigident::model::human::Sex;
 use rigident::people::body_segments::Parts;
@@ -13,7 +13,7 @@ use rigident::people::person::anthropometry::GivenMass;
 
 use crate::answers::{Answered, Kept, beside};
 use crate::calls::watched;
-use crate::errors::Refused;
+use crate::errors::{Refused, named};
 use crate::jobs::{caller, plain};
 
 /// The way a person is identified, as the fields of the command line say it.
@@ -46,27 +46,17 @@ pub struct PersonWords {
 
 impl PersonWords {
     fn typed(self) -> Result<BodyOptions, Refused> {
-        let one_of = |what: &str, given: &str, those: &str| {
-            Refused::usage(format!("{what} {given:?}: must be one of {those}"))
-        };
-        let model = match self.model.as_str() {
-            "human34" => HumanModel::Human34,
-            "human58" => HumanModel::Human58,
-            other => return Err(one_of("model", other, "human34, human58")),
-        };
-        let table = match self.table.as_str() {
-            "female" => Sex::Female,
-            "male" => Sex::Male,
-            "unknown" => Sex::Unknown,
-            other => return Err(one_of("table", other, "female, male, unknown")),
-        };
-        let way = match self.select.as_str() {
-            "d-optimal" => Way::DOptimal,
-            "e-optimal" => Way::EOptimal,
-            "published" => Way::Published,
-            "random" => Way::Random,
-            other => return Err(one_of("select", other, "d-optimal, e-optimal, published, random")),
-        };
+        let models = [("human34", HumanModel::Human34), ("human58", HumanModel::Human58)];
+        let tables = [("female", Sex::Female), ("male", Sex::Male), ("unknown", Sex::Unknown)];
+        let ways = [
+            ("d-optimal", Way::DOptimal),
+            ("e-optimal", Way::EOptimal),
+            ("published", Way::Published),
+            ("random", Way::Random),
+        ];
+        let model = *named("model", &self.model, &models)?;
+        let table = *named("table", &self.table, &tables)?;
+        let way = *named("select", &self.select, &ways)?;
         let parts = match self.parts {
             None => Parts::Strides,
             Some(count @ 1..=100) => Parts::Equal(count),
@@ -130,13 +120,7 @@ pub fn identify_person(py: Python<'_>, trials: Vec<PathBuf>, options: PersonWord
         if let Some(path) = &options.write_model {
             match found.no_model() {
                 None => found.write_model(path)?,
-                Some(why) => {
-                    let why = match why {
-                        NoModel::Contradicted => "the recording cannot be true",
-                        NoModel::NoSegments => "the motion identifies no segments",
-                    };
-                    messages.push(format!("write_model {}: not written: {why}", path.display()));
-                }
+                Some(why) => messages.push(format!("write_model {}: not written: {why}", path.display())),
             }
         }
         let answer = beside(&found.answer, &found.page(), Some(found.covariance()))?;

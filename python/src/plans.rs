@@ -9,7 +9,7 @@ use rigident::plan::motion::Objective;
 
 use crate::answers::text;
 use crate::calls::watched;
-use crate::errors::Refused;
+use crate::errors::{Refused, named};
 use crate::jobs::caller;
 
 /// A plan: the object, the plan's file, warnings and notes.
@@ -83,14 +83,6 @@ impl MotionWords {
             ..MotionOptions::default()
         })
     }
-}
-
-/// Returns the one of a name.
-fn named<'a, T>(what: &str, name: &str, all: &'a [(&str, T)]) -> Result<&'a T, Refused> {
-    all.iter().find(|(own, _)| *own == name).map(|(_, value)| value).ok_or_else(|| {
-        let names: Vec<&str> = all.iter().map(|(own, _)| *own).collect();
-        Refused::usage(format!("{what} {name:?}: must be one of {}", names.join(", ")))
-    })
 }
 
 /// Plans still poses of a platform.

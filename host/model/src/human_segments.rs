@@ -141,11 +141,11 @@ fn between(a: Segment, b: Segment) -> Segment {
 /// of gyration across the segment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ratio {
-    /// Of the masses.
+    /// The ratio of the masses.
     pub mass: f64,
-    /// Of the distances of the centre of mass from the proximal end.
+    /// The ratio of the distances of the centre of mass from the proximal end.
     pub com: f64,
-    /// Of the radii of gyration.
+    /// The ratio of the radii of gyration.
     pub radius: f64,
 }
 

@@ -8,6 +8,7 @@ use rigident_shared::forgetting::Span;
 use super::recorded::{self, assumed_columns, joints_of, left_out_columns, stream_set};
 use super::tree::{change_as_recorded, tree_in, tree_of};
 use super::{Caller, Changes, Error, Recorded, Tree, calibration, drift, motion_plots};
+use rigident_device::session::sound;
 use rigident_fit::pool::PooledFactor;
 use rigident_fit::{Checks, DeviceFactor, Fit, FitError, FitOptions, Progress, RowSource, Timing};
 use rigident_identify::answer::result::Cause;
@@ -15,7 +16,7 @@ use rigident_identify::answer::{self, Answer, Context, Drift, Links, Source, Sta
 use rigident_identify::diagnosis::{self, Case};
 use rigident_identify::problem::clocks::{StreamSet, as_stamped};
 use rigident_identify::problem::{Problem, ProblemError, ProblemOptions, Subject};
-use rigident_io::recording::{ImuColumns, Recording};
+use rigident_io::recording::Recording;
 use rigident_io::rig::RigFile;
 use rigident_model::Model;
 use rigident_present::TimePlot;
@@ -487,23 +488,17 @@ fn looked_at(
     let all = 0..readings.len();
     let part = rate_hz.map_or(all, |_| diagnosis::rows_looked_at(readings.len(), rate_hz));
     let readings = readings.get(part).unwrap_or_default();
-    let force =
-        |sign: f64| Some(readings.iter().map(|r| r.specific_force.array().map(|v| sign * v)).collect());
-    let imu = ImuColumns {
-        accel: force(1.0),
-        gyro: rate_hz.map(|_| readings.iter().map(|r| r.angular_rate.array()).collect()),
-    };
-    Recording {
-        name: name.to_owned(),
-        rig: rig.clone(),
-        is_static: rate_hz.is_none(),
-        rate_hz,
-        time_ns: readings.iter().map(|r| r.time_ns).collect(),
-        wrench: Some(readings.iter().map(|r| r.wrench.array()).collect()),
-        gravity: if gravity_columns { force(-1.0) } else { None },
-        imus: if gravity_columns { Vec::new() } else { vec![imu] },
-        ..Recording::default()
+    let mut own = sound::recording(name, rig, rate_hz.unwrap_or(1.0), readings);
+    if rate_hz.is_none() {
+        // Of still poses the accelerometer alone says something.
+        (own.is_static, own.rate_hz) = (true, None);
+        own.imus.iter_mut().for_each(|imu| imu.gyro = None);
     }
+    if gravity_columns {
+        let up = own.imus.pop().and_then(|imu| imu.accel);
+        own.gravity = up.map(|up| up.into_iter().map(|force| force.map(|v| -v)).collect());
+    }
+    own
 }
 
 /// Returns what the calibration of a rig assumed of its reference.

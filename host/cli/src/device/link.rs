@@ -5,7 +5,6 @@ use rigident_shared::wire::{Identity, Settings};
 use crate::Failure;
 use crate::screen::question::answered;
 use crate::screen::tell::tell;
-use rigident::application::Error;
 pub(crate) use rigident::application::device::of_sensors;
 use rigident::application::device::{self, configure};
 use rigident::device::ports::{self, NotFound, Port};
@@ -73,7 +72,7 @@ pub(crate) fn device_settings(
     timing: &DeviceTiming,
     noise: Option<[f64; 6]>,
 ) -> Result<Settings, Failure> {
-    Ok(device::device_settings(rig, timing, noise).map_err(Error::from)?)
+    Ok(device::device_settings(rig, timing, noise)?)
 }
 
 /// Sends settings and reads them back.

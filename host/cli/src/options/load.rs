@@ -3,7 +3,6 @@
 use clap::Args;
 
 use crate::Failure;
-use rigident::application::Error;
 use rigident::application::driving::LoadBounds;
 use rigident_io::rig::RigFile;
 
@@ -29,6 +28,6 @@ impl LoadOptions {
     /// # Errors
     /// Bad input: no positive number.
     pub(crate) fn put_into(self, rig: &mut RigFile) -> Result<(), Failure> {
-        Ok(self.typed().put_into(rig).map_err(Error::from)?)
+        Ok(self.typed().put_into(rig)?)
     }
 }

@@ -2,8 +2,8 @@
 
 use crate::Failure;
 use rigident::application::{
-    BodyError, BodyOption, CalibrateError, DeviceError, Error, ListingError, LiveError, Notice, TreeOption,
-    WatchError,
+    BodyError, BodyOption, CalibrateError, DeviceError, DrivingError, Error, ListingError, LiveError, Notice,
+    TreeOption, WatchError,
 };
 use rigident_fit::pool::PoolError;
 use rigident_io::recording::extension;
@@ -228,6 +228,12 @@ pub(crate) fn option_of(option: TreeOption) -> &'static str {
 
 impl From<DeviceError> for Failure {
     fn from(error: DeviceError) -> Self {
+        Error::from(error).into()
+    }
+}
+
+impl From<DrivingError> for Failure {
+    fn from(error: DrivingError) -> Self {
         Error::from(error).into()
     }
 }

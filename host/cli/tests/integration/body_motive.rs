@@ -10,7 +10,7 @@ use super::simulated_people::{Carried, Somebody, upright};
 
 const BODY: Somebody = Somebody { height_m: 1.72, mass_kg: 68.0, skin_m: 0.01, plate_n: 1.0 };
 
-/// The same markers as a CSV of Motive: labelled ones, a fragment, and a solved body beside them.
+/// Returns the same markers as a CSV of Motive: labelled ones, a fragment, and a solved body beside them.
 fn motive(trc: &str) -> String {
     let lines: Vec<Vec<&str>> = trc.lines().map(|line| line.split('\t').collect()).collect();
     let labels: Vec<&str> = lines[3][2..].iter().copied().filter(|label| !label.is_empty()).collect();

@@ -5,7 +5,7 @@ use std::sync::Mutex;
 
 use rigident::answer::Status;
 use rigident::application::driving::{
-    Agreement, Attendant, Consent, DriveOptions, DrivingError, LoadBounds, Nobody, Programme, Request,
+    Agreement, Attendant, Consent, DriveOptions, DrivingError, End, LoadBounds, Nobody, Programme, Request,
     TraceFile, prepare,
 };
 use rigident::application::{Caller, Error, Report};
@@ -67,8 +67,8 @@ fn options(served: &Served) -> DriveOptions {
         calibration: None,
         load: LoadBounds::default(),
         programme: Programme { duration_s: 20.0, plan: None },
-        adaptive: None,
-        at_most_s: None,
+        adaptive: false,
+        end: End::default(),
         slow: None,
         warm_up_s: 0.0,
         stop: Default::default(),

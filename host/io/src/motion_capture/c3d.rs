@@ -9,9 +9,9 @@ mod error;
 mod parameters;
 mod plates;
 
-use std::collections::BTreeMap;
 use std::io::{BufRead, Cursor, Read, Seek, SeekFrom};
 
+use super::frames::rename_equal;
 use bytes::{Bytes, Processor};
 pub use error::C3dError;
 use error::parameter;
@@ -393,20 +393,6 @@ fn understood(
         (Some(processor), Some(Ok(parameters))) => Ok((processor, parameters, None)),
         (Some(_), Some(Err(error))) => Err(error),
         _ => Err(C3dError::Processor(code)),
-    }
-}
-
-/// Gives the second and later ones of equal names a number, and says so.
-fn rename_equal(names: &mut [String], notes: &mut Vec<String>) {
-    let mut seen: BTreeMap<String, usize> = BTreeMap::new();
-    for name in names {
-        let count = seen.entry(name.clone()).or_default();
-        *count += 1;
-        if *count > 1 {
-            let new = format!("{name} ({count})");
-            notes.push(format!("several points are called {name}: the first counts, and this one is {new}"));
-            *name = new;
-        }
     }
 }
 

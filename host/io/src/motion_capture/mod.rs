@@ -6,6 +6,7 @@
 //! what follows its last colon.
 
 pub mod c3d;
+mod frames;
 pub mod ground;
 pub mod markers;
 pub mod motive;

@@ -5,17 +5,16 @@
 //! marker was not seen. Columns of solved bodies and bones are left out, and so are fragments of markers that
 //! nobody has named.
 
-use std::collections::BTreeMap;
 use std::io::Read;
 
 use csv::StringRecord;
+
+use super::frames::{at_its_time, rename_equal};
 
 /// The words that a file begins with.
 pub const FIRST: &str = "Format Version";
 /// Fragments of markers without a name begin so.
 const UNNAMED: &str = "Unlabeled";
-/// Times may be off the rate by this much of a period: they are rounded.
-const JITTER: f64 = 0.3;
 /// Rows of names above the frames.
 const MOST_HEADERS: usize = 16;
 
@@ -100,7 +99,7 @@ impl Take {
         let mut places = Vec::new();
         let mut take =
             Self { rate_hz, first_s: 0.0, labels: Vec::new(), points_m: Vec::new(), notes: Vec::new() };
-        let (mut unnamed, mut seen) = (0, BTreeMap::<String, usize>::new());
+        let mut unnamed = 0;
         for k in 2..axes.len() {
             let is_marker = cell(types, k) == "Marker" && cell(kinds, k).eq_ignore_ascii_case("position");
             let whole = [0, 1, 2].map(|axis| cell(&axes, k + axis));
@@ -114,15 +113,10 @@ impl Take {
                 unnamed += 1;
                 continue;
             }
-            let count = seen.entry(label.clone()).or_default();
-            *count += 1;
             places.push(k);
-            take.labels.push(if *count == 1 { label } else { format!("{label} ({count})") });
-            if *count > 1 {
-                let own = &take.labels[take.labels.len() - 1];
-                take.notes.push(format!("two markers have one name; the second is called {own} here"));
-            }
+            take.labels.push(label);
         }
+        rename_equal(&mut take.labels, &mut take.notes);
         if places.is_empty() {
             return Err(MotiveError::Missing(
                 "it has no measured markers with names, columns of the type Marker: label them, and export \
@@ -156,14 +150,8 @@ impl Take {
         if frames == 0 && time.is_finite() {
             self.first_s = time;
         }
-        let expected = self.first_s + frames as f64 / self.rate_hz;
-        if time.is_nan() || (time - expected).abs() * self.rate_hz > JITTER {
-            return Err(wrong(format!(
-                "frame {} is at {time} s, and by {} frames a second at {expected:.4} s: export every frame",
-                frames + 1,
-                self.rate_hz
-            )));
-        }
+        at_its_time(frames, time, self.first_s, self.rate_hz)
+            .map_err(|what| wrong(format!("{what}: export every frame")))?;
         for (k, label) in places.iter().zip(&self.labels) {
             let own = [0, 1, 2].map(|axis| number(k + axis, label));
             let [x, y, z] = own;

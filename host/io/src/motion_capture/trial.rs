@@ -30,8 +30,8 @@ pub enum TrialError {
     },
     /// The ending is none that is known.
     #[error(
-        "{0} is no trial by its name: it must end in .c3d, .trc, or .csv of OptiTrack's Motive; of markers in \
-         other forms export one of these"
+        "{0} is no trial by its name: it must end in .c3d, .trc, or .csv of OptiTrack's Motive; of markers \
+         in other forms export one of these"
     )]
     UnknownKind(String),
     /// It is no C3D file that can be read.

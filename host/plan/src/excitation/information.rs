@@ -12,7 +12,7 @@
 
 use hexapod::STANDARD_GRAVITY_MPS2;
 use nalgebra::{DMatrix, DVector};
-use rigident_shared::tree::BaseMotion;
+use rigident_shared::tree::{BaseMotion, LinkState};
 
 use super::family::Motion;
 use rigident_model::Model;
@@ -175,6 +175,13 @@ impl Tree {
     /// `moving` there; `None` if the numbers do not fit.
     pub fn efforts(&self, moving: &mut Moving, motion: &Motion) -> Option<Vec<f64>> {
         Some(self.instant(moving, motion)?.efforts)
+    }
+
+    /// Returns the states of the links and the efforts that hold them, N m or N, in a pose at rest, rad or m.
+    pub(super) fn at_rest(&self, moving: &mut Moving, positions: &[f64]) -> (Vec<LinkState<f64>>, Vec<f64>) {
+        let motion = Motion { positions: positions.to_vec(), ..Motion::zeros(positions.len()) };
+        let efforts = self.efforts(moving, &motion).unwrap_or_default();
+        (moving.states().to_vec(), efforts)
     }
 
     pub(super) fn instant(&self, moving: &mut Moving, motion: &Motion) -> Option<Instant> {

@@ -2,11 +2,11 @@
 
 use std::sync::atomic::AtomicBool;
 
-use rigident_shared::tree::Joint;
+use rigident_shared::tree::{Joint, LinkState};
 
 use super::boxes::BodyBox;
 use super::collisions::{Apart, Collisions, Nearest};
-use super::family::{Family, Motion, Series};
+use super::family::{Family, Series};
 use super::information::{Measured, Tree};
 use super::limits::JointLimits;
 use super::predict::{PredictError, Prediction, predict};
@@ -290,16 +290,23 @@ fn rate(limits: &JointLimits, bandwidth_hz: f64) -> f64 {
     (limits.shares.speed * limits.speed).min(0.5 * std::f64::consts::TAU * bandwidth_hz * half)
 }
 
+impl Task {
+    /// Returns the pose at zero, or nearest to it within the ranges, rad or m.
+    pub(super) fn zero(&self) -> Vec<f64> {
+        self.limits.iter().map(|limits| 0.0_f64.clamp(limits.range[0], limits.range[1])).collect()
+    }
+
+    /// Returns what must stay apart; boxes that touch in one of the states `free` are left out.
+    pub(super) fn collisions(&self, tree: &Tree, free: &[Vec<LinkState<f64>>]) -> Collisions {
+        let boxes = (self.boxes.clone(), self.skipped.as_slice());
+        Collisions::new(&self.model, tree.paths(), boxes, self.apart, free)
+    }
+}
+
 /// Returns what must stay apart, if it does at the start, where the joints must hold the robot as well.
 fn collisions(task: &Task, tree: &Tree) -> Result<Collisions, ExcitationError> {
     let mut moving = tree.moving();
-    let mut at = |positions: &[f64]| {
-        let motion = Motion { positions: positions.to_vec(), ..Motion::zeros(positions.len()) };
-        let efforts = tree.efforts(&mut moving, &motion).unwrap_or_default();
-        (moving.states().to_vec(), efforts)
-    };
-    let zero: Vec<f64> =
-        task.limits.iter().map(|limits| 0.0_f64.clamp(limits.range[0], limits.range[1])).collect();
+    let mut at = |positions: &[f64]| tree.at_rest(&mut moving, positions);
     let (start, efforts) = at(&task.start);
     for (needed, limits) in efforts.iter().zip(&task.limits) {
         let usable = limits.usable_effort();
@@ -309,12 +316,11 @@ fn collisions(task: &Task, tree: &Tree) -> Result<Collisions, ExcitationError> {
             return Err(ExcitationError::Weak { name, needed, usable, effort: limits.effort });
         }
     }
-    let mut free = vec![at(&zero).0];
+    let mut free = vec![at(&task.zero()).0];
     if !task.is_start_given {
         free.push(start.clone());
     }
-    let boxes = (task.boxes.clone(), task.skipped.as_slice());
-    let collisions = Collisions::new(&task.model, tree.paths(), boxes, task.apart, &free);
+    let collisions = task.collisions(tree, &free);
     match collisions.nearest(&start).filter(|nearest| nearest.distance_m <= task.apart.clearance_m) {
         Some(between) => Err(ExcitationError::Touches { between, clearance_m: task.apart.clearance_m }),
         None => Ok(collisions),

@@ -1,7 +1,5 @@
-//! Where a robot starts if nobody says it: at zero, or where it is clear of the floor.
+//! The start of a robot if nobody says it: it is at zero, or where the robot is clear of the floor.
 
-use super::collisions::Collisions;
-use super::family::Motion;
 use super::information::Tree;
 use super::plan::{ExcitationError, Task};
 
@@ -21,16 +19,9 @@ pub fn clear_start(task: &Task) -> Result<Vec<f64>, ExcitationError> {
     }
     let tree = Tree::new(&task.model, &task.measured)?;
     let mut moving = tree.moving();
-    let mut at = |positions: &[f64]| {
-        let motion = Motion { positions: positions.to_vec(), ..Motion::zeros(positions.len()) };
-        let efforts = tree.efforts(&mut moving, &motion).unwrap_or_default();
-        (moving.states().to_vec(), efforts)
-    };
-    let zero: Vec<f64> =
-        task.limits.iter().map(|limits| 0.0_f64.clamp(limits.range[0], limits.range[1])).collect();
-    let free = [at(&zero).0, at(&task.start).0];
-    let boxes = (task.boxes.clone(), task.skipped.as_slice());
-    let collisions = Collisions::new(&task.model, tree.paths(), boxes, task.apart, &free);
+    let mut at = |positions: &[f64]| tree.at_rest(&mut moving, positions);
+    let free = [at(&task.zero()).0, at(&task.start).0];
+    let collisions = task.collisions(&tree, &free);
     let mut room = |positions: &[f64]| {
         let (states, efforts) = at(positions);
         let holds = efforts.iter().zip(&task.limits).all(|(own, limits)| own.abs() < limits.usable_effort());

@@ -12,7 +12,7 @@ use rigident_identify::answer::Answer;
 /// Standard uncertainties in U95 of a normal distribution.
 const OF_U95: f64 = 1.96;
 
-/// How the expanded uncertainties of a certificate are made of those of its answer.
+/// The way in which expanded uncertainties of a certificate are made of those of its answer.
 #[derive(Clone, Copy)]
 pub(super) enum Expanded {
     /// U = 2 u.

@@ -5,6 +5,7 @@ mod on_device;
 mod pages;
 mod plates;
 
+use std::fmt;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -164,6 +165,15 @@ pub enum NoModel {
     Contradicted,
     /// The motion identifies no segments.
     NoSegments,
+}
+
+impl fmt::Display for NoModel {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Contradicted => "the recording cannot be true",
+            Self::NoSegments => "the motion identifies no segments",
+        })
+    }
 }
 
 impl IdentifiedPerson {

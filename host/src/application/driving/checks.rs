@@ -99,8 +99,8 @@ fn felt(rest: &Rest, imu: &ImuTable) -> Vector3<f64> {
 /// no force has a limit.
 ///
 /// # Errors
-/// [`DrivingError::Carried`]: a force has a limit and nothing bounds the body, or what is read contradicts the
-/// bound.
+/// [`DrivingError::Carried`]: a force has a limit and nothing bounds the body, or what is read contradicts
+/// the bound.
 pub fn weigh(rest: &Rest, rig: &RigFile, at: &dyn Attendant) -> Result<Option<BodySet>, DrivingError> {
     let Some(bound) = bound(rig)? else { return Ok(None) };
     let up = match rig.imu.first().and_then(|imu| carried::up_of(felt(rest, imu))) {

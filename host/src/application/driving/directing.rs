@@ -29,18 +29,19 @@ const AT_MOST_S: f64 = 300.0;
 const CONTRADICTED: &str = "the estimate is none of the bodies that the scale, load_max_kg and load_within_m \
                             allow: it is not used to plan with. One of them is wrong";
 
-/// The goal of an experiment that decides for itself.
+/// When an experiment ends.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Adaptive {
-    /// Largest 95 % uncertainty of every tensor element, as a share of the largest principal moment, where
-    /// the device has no rule to stop by. Default: 0.01.
+pub struct End {
+    /// Of one that decides for itself: largest 95 % uncertainty of every tensor element, as a share of the
+    /// largest principal moment, where the device has no rule to stop by. Default: 0.01.
     pub until_relative: Option<f64>,
-    /// After this long no further segment begins, s. Default: 300.
+    /// A programme ends after this long, s; one that decides for itself begins no further segment then, by
+    /// default after 300 s.
     pub at_most_s: Option<f64>,
 }
 
-impl Adaptive {
-    /// Refuses a goal that is none.
+impl End {
+    /// Refuses an end that is none.
     ///
     /// # Errors
     /// [`DrivingError::UntilRelative`], [`DrivingError::AtMost`].
@@ -106,7 +107,7 @@ impl<'a> Directing<'a> {
     /// # Errors
     /// [`DrivingError::NoChoice`]: the platform can do nothing. The rig file lacks a place.
     pub fn new(
-        goal: &Adaptive,
+        end: &End,
         (rig, geometry): (&RigFile, &Geometry),
         settings: &Settings,
         body: Option<BodySet>,
@@ -116,7 +117,7 @@ impl<'a> Directing<'a> {
             Some(stop) => {
                 Asked::Absolute(std::array::from_fn(|j| stop.u95(j).map_or(f64::INFINITY, f64::from)))
             }
-            None => Asked::Tensor(goal.until_relative.unwrap_or(TENSOR_SHARE)),
+            None => Asked::Tensor(end.until_relative.unwrap_or(TENSOR_SHARE)),
         };
         let sigma = settings.load_cell.noise_n_nm.map(f64::from);
         let reserved = geometry.clone().with_reserve(machine::RESERVE);
@@ -127,7 +128,7 @@ impl<'a> Directing<'a> {
         }
         Ok(Self {
             at,
-            at_most_s: goal.at_most_s.unwrap_or(AT_MOST_S),
+            at_most_s: end.at_most_s.unwrap_or(AT_MOST_S),
             planner,
             model,
             decision: None,

@@ -45,7 +45,7 @@ pub use super::DrivingError;
 pub use attendant::{Agreement, Attendant, Nobody};
 pub use checks::{Attitude, weigh};
 pub use consent::Consent;
-pub use directing::{Adaptive, Decisions, Directing};
+pub use directing::{Decisions, Directing, End};
 pub use guards::guard;
 pub use prepare::{Prepared, prepare};
 pub use programme::{Planned, Programme, check_duration, stages};
@@ -99,10 +99,10 @@ pub struct DriveOptions {
     pub load: LoadBounds,
     /// The programme, where nobody decides on the way.
     pub programme: Programme,
-    /// The goal of an experiment that decides for itself; `None`: the programme is driven.
-    pub adaptive: Option<Adaptive>,
-    /// The time after which it ends wherever it is, s.
-    pub at_most_s: Option<f64>,
+    /// Segments are decided on the way; the programme is not driven then.
+    pub adaptive: bool,
+    /// When it ends.
+    pub end: End,
     /// The share of the programme's speed that it is driven at.
     pub slow: Option<f64>,
     /// The longest wait for the load cell to settle, s; 0: none.
@@ -120,13 +120,12 @@ pub struct DriveOptions {
 impl DriveOptions {
     /// Returns the first option that is for a single body only, if one is given.
     fn of_one_body(&self) -> Option<&'static str> {
-        let goal = self.adaptive.unwrap_or_default();
         let given = [
             ("forget", matches!(self.span, Some(Span::TimeConstant(_)))),
             ("window", matches!(self.span, Some(Span::Window(_)))),
-            ("adaptive", self.adaptive.is_some()),
-            ("until_relative", goal.until_relative.is_some()),
-            ("at_most_s", self.at_most_s.is_some()),
+            ("adaptive", self.adaptive),
+            ("until_relative", self.end.until_relative.is_some()),
+            ("at_most_s", self.end.at_most_s.is_some()),
         ];
         given.into_iter().find(|(_, is_given)| *is_given).map(|(option, _)| option)
     }

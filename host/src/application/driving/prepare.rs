@@ -69,7 +69,7 @@ pub fn prepare<'a>(
     let directing = request.directing(&settings, body.clone(), at)?;
     let summary = request.checked(platform, body.as_ref(), directing.as_ref())?;
     request.within_ranges(body.as_ref())?;
-    let axes = if request.options.adaptive.is_some() { Axes::LeftToPlanner } else { Axes::Each };
+    let axes = if request.options.adaptive { Axes::LeftToPlanner } else { Axes::Each };
     guard(session, rig, axes)?;
     let mut consent = request.consent(&summary, request.cell_stopped(body.as_ref())?);
     (consent.guards, consent.attitude) = (Some(consent::guards(session)), Some(attitude));

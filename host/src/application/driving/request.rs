@@ -69,16 +69,11 @@ impl Request {
         let rate_hz = rig.recording.rate_hz.unwrap_or(RATE_HZ);
         let geometry = geometry(&options, &rig, at)?;
         let (mut fixed, mut carries) = (None, None);
-        match &options.adaptive {
-            Some(goal) => goal.check()?,
-            None => {
-                let planned = options.programme.planned(&geometry, at)?;
-                (fixed, carries) = (Some(planned.program), planned.carries);
-            }
+        if !options.adaptive {
+            let planned = options.programme.planned(&geometry, at)?;
+            (fixed, carries) = (Some(planned.program), planned.carries);
         }
-        if let Some(seconds) = options.at_most_s.filter(|s| !(s.is_finite() && *s > 0.0)) {
-            return Err(DrivingError::AtMost(seconds).into());
-        }
+        options.end.check()?;
         if let Some(share) = options.slow.filter(|share| !(0.01..=1.0).contains(share)) {
             return Err(DrivingError::Slow(share).into());
         }
@@ -104,8 +99,8 @@ impl Request {
         at: &'a dyn Attendant,
     ) -> Result<Option<Directing<'a>>, DrivingError> {
         let own = (&self.rig, &self.geometry);
-        let of = |goal| Directing::new(goal, own, settings, body, at);
-        self.options.adaptive.as_ref().map(of).transpose()
+        let new = || Directing::new(&self.options.end, own, settings, body, at);
+        self.options.adaptive.then(new).transpose()
     }
 
     /// Checks everything that will be driven against all limits: the way to the start, the program, the way
@@ -128,7 +123,7 @@ impl Request {
             let [way_s, home_s] =
                 [&way, &home].map(|way| way.as_ref().map_or(0.0, MotionProgram::duration_s));
             let driven = with_ways(way, program, home);
-            let is_built_in = self.options.programme.plan.is_none() && self.options.adaptive.is_none();
+            let is_built_in = self.options.programme.plan.is_none() && !self.options.adaptive;
             summary = check::check(&driven, &self.geometry, load.as_ref())
                 .map_err(|error| DrivingError::Beyond { error, is_built_in })?;
             (summary.way_s, summary.home_s) = (way_s, home_s);
@@ -207,7 +202,7 @@ impl Request {
             (None, program) => program
                 .as_ref()
                 .map_or(0.0, MotionProgram::duration_s)
-                .min(self.options.at_most_s.unwrap_or(f64::INFINITY)),
+                .min(self.options.end.at_most_s.unwrap_or(f64::INFINITY)),
         }
     }
 }

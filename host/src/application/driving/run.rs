@@ -72,7 +72,7 @@ impl<'a> AtStart<'a> {
         let Prepared { mut directing, from, warnings, .. } = self.0;
         let most = if directing.is_some() { "at most " } else { "" };
         at.hear(&format!("the experiment takes {most}{longest_s:.0} s"));
-        session.at_most_s = request.options.at_most_s;
+        session.at_most_s = request.options.end.at_most_s;
         let take = match (&mut directing, &request.fixed) {
             (Some(directing), _) => session.follow_decided_unchecked(platform, directing, observer),
             (None, Some(program)) => session.follow_unchecked(platform, program, observer),

@@ -121,9 +121,9 @@ impl From<TableOf> for Sex {
 #[derive(Args, Debug, Clone)]
 #[command(
     after_help = "A trial is a C3D file with force plates, or a TRC file or a CSV of OptiTrack's Motive with \
-                  the ground's forces beside it: walk_grf.mot to walk.trc, or --ground FILE. Markers are known by their names (Plug-in \
-                  Gait, OpenSim's examples and the like); joint centres come from all trials together. \
-                  Frames in which a foot is off the plates are dropped, and counted.\n\nEach trial is a \
+                  the ground's forces beside it: walk_grf.mot to walk.trc, or --ground FILE. Markers are known by \
+                  their names (Plug-in Gait, OpenSim's examples and the like); joint centres come from all \
+                  trials together. Frames in which a foot is off the plates are dropped, and counted.\n\nEach trial is a \
                   motion with a factor of its own; a single one is cut into parts. Every motion is predicted \
                   by the others, beside the table of average people scaled to the person.\n\nExit status 0 \
                   if the whole mass is identified, 1 if not, 2 if a file cannot be used.\n\nExamples:\n  \

@@ -8,11 +8,11 @@ use std::time::Instant;
 
 use crate::commands::body::arguments::{Body, BodyCommand, IdentifyBody};
 use crate::options::microcontroller::Mcu;
-use crate::screen::outcome::{CANNOT_BE_TRUE, say, say_not_written};
+use crate::screen::outcome::{say, say_not_written};
 use crate::{ExitStatus, Failure, Folder, Stages};
 use rigident::answer::Status;
 use rigident::answer::person::DeviceResult;
-use rigident::application::body::{Beside, HeldTool, NoModel, compared};
+use rigident::application::body::{Beside, HeldTool, compared};
 use rigident::application::{self, BodyError, BodyOptions, Error, IdentifiedPerson};
 use rigident::device::session::tree::{DeviceTreeError, device_tree};
 use rigident::people::body_segments::Study;
@@ -118,12 +118,9 @@ fn finish(arguments: &IdentifyBody, found: &IdentifiedPerson) -> Result<ExitCode
         folder.write_text(name, page)?;
     }
     let asked = arguments.write_model.as_deref();
-    let why_not = found.no_model().map(|why| match why {
-        NoModel::Contradicted => CANNOT_BE_TRUE,
-        NoModel::NoSegments => "the motion identifies no segments",
-    });
+    let why_not = found.no_model();
     if let (Some(path), Some(why)) = (asked, why_not) {
-        say_not_written(path, why);
+        say_not_written(path, &why.to_string());
     }
     let mut model = String::new();
     if let Some(path) = asked.filter(|_| why_not.is_none()) {

@@ -27,7 +27,7 @@ use crate::{Failure, Folder, Stages};
 use rigident::application::device::check_asked;
 use rigident::application::driving::{self, Directing, at_rest, guard, weigh};
 use rigident::application::report::provenance;
-use rigident::application::{DeviceError, Error, Experiment, Loaded, Replay, ReplayOptions};
+use rigident::application::{DeviceError, Experiment, Loaded, Replay, ReplayOptions};
 use rigident::device::microcontroller::{self, Image, Microcontroller};
 use rigident::device::platform::{LocalPlatform, Platform as _};
 use rigident::device::session::tree::{device_parameters, device_tree};
@@ -256,9 +256,9 @@ fn on_platform(arguments: &Demo) -> Result<ExitCode, Failure> {
     let (settings, span) = set_up(arguments, &mut session, &file, &parameters)?;
     let mut platform = LocalPlatform(rig);
     let body = if is_adaptive { weighed(arguments, &config, &settings, &mut file)? } else { None };
-    let goal = is_adaptive.then(|| arguments.adaptive.typed());
-    let directing = goal.map(|goal| Directing::new(&goal, (&file, &geometry), &settings, body, &TERMINAL));
-    let directing = directing.transpose().map_err(Error::from)?;
+    let own = (&file, &geometry);
+    let new = || Directing::new(&arguments.adaptive.typed(), own, &settings, body, &TERMINAL);
+    let directing = is_adaptive.then(new).transpose()?;
     let mut motion = Motion::of(arguments, directing, &geometry, links.is_none(), &mut platform)?;
 
     let folder = Folder::new(arguments.output.out.as_deref(), "demo")?;
@@ -267,7 +267,7 @@ fn on_platform(arguments: &Demo) -> Result<ExitCode, Failure> {
     let expected = (motion.fixed.as_ref().map_or(0.0, MotionProgram::duration_s) * RATE_HZ) as usize;
     let mut watcher = Watcher::recording(folder.file("demo.mcap"), &file, &comments, expected)?;
     session.at_most_s = arguments.adaptive.at_most_s;
-    guard(&mut session, &file, arguments.adaptive.axes()).map_err(Error::from)?;
+    guard(&mut session, &file, arguments.adaptive.axes())?;
     if motion.fixed.as_ref().is_some_and(|program| program.start != geometry.home()) {
         // The rig puts a way to the start before it: its times are not the program's.
         session.motion_guard = None;
@@ -315,8 +315,8 @@ fn weighed(
     };
     platform.load(&rest).map_err(Failure::link)?;
     let take = session.follow_unchecked(&mut platform, &rest, &mut Watcher::new(0)).map_err(Failure::link)?;
-    let rest = at_rest(&take.readings, file.imu.first()).map_err(Error::from)?;
-    Ok(weigh(&rest, file, &TERMINAL).map_err(Error::from)?)
+    let rest = at_rest(&take.readings, file.imu.first())?;
+    Ok(weigh(&rest, file, &TERMINAL)?)
 }
 
 /// Runs `rigident demo --body human34`.

@@ -14,9 +14,9 @@ use crate::commands::montecarlo_arguments::{Estimating, Montecarlo, NoiseReading
 use crate::options::test_body::DemoBody;
 use crate::screen::outcome::say;
 use crate::{ExitStatus, Failure, Progress};
+use rigident::application::Changes;
 use rigident::application::driving::check_duration;
 use rigident::application::tree::read;
-use rigident::application::{Changes, Error};
 use rigident::device::session::INTERRUPTED;
 use rigident::laboratory::trees;
 use rigident::plan::plan_file::PlanFile;
@@ -51,7 +51,7 @@ struct Parameter<'a> {
 /// Runs `rigident montecarlo`.
 pub(crate) fn run(arguments: &Montecarlo) -> Result<ExitCode, Failure> {
     let started = Instant::now();
-    check_duration(arguments.duration_s).map_err(Error::from)?;
+    check_duration(arguments.duration_s)?;
     if let Some(model) = &arguments.model {
         return run_tree(arguments, model, started);
     }

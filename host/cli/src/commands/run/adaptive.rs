@@ -3,7 +3,7 @@
 use clap::Args;
 
 use crate::Failure;
-use rigident::application::{Error, driving};
+use rigident::application::driving;
 use rigident::device::session::Axes;
 
 /// Whether somebody decides, and how far.
@@ -27,9 +27,9 @@ pub struct Adaptive {
 }
 
 impl Adaptive {
-    /// Returns the goal as the application takes it.
-    pub(crate) fn typed(&self) -> driving::Adaptive {
-        driving::Adaptive { until_relative: self.until_relative, at_most_s: self.at_most_s }
+    /// Returns the end as the application takes it.
+    pub(crate) fn typed(&self) -> driving::End {
+        driving::End { until_relative: self.until_relative, at_most_s: self.at_most_s }
     }
 
     /// Refuses what cannot be asked for: bad input.
@@ -37,7 +37,7 @@ impl Adaptive {
     /// # Errors
     /// A share or a time that is no positive number.
     pub(crate) fn check(&self) -> Result<(), Failure> {
-        Ok(self.typed().check().map_err(Error::from)?)
+        Ok(self.typed().check()?)
     }
 
     /// Returns what becomes of an axis that does not follow.

@@ -19,11 +19,11 @@ use crate::device::tracking_error::{MotionLog, TrackingError};
 use crate::screen::tell::WithoutWaiting;
 use crate::{Failure, Folder};
 use rigident::answer::now;
+use rigident::application::Experiment;
 use rigident::application::driving::{
     AtStart, DriveOptions, Driven, DrivingError, Request, TraceFile, prepare, stages,
 };
 use rigident::application::report::provenance;
-use rigident::application::{Error, Experiment};
 use rigident::device::platform;
 use rigident::device::session::Session;
 use rigident::device::words::device_notes;
@@ -41,7 +41,7 @@ pub(crate) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     // for none either.
     let mut unwaiting = None;
     let connected = platform::connect(&arguments.platform, &request.geometry);
-    let mut platform = connected.map_err(|error| Error::from(DrivingError::Unmoved(error)))?;
+    let mut platform = connected.map_err(DrivingError::Unmoved)?;
     // A controller on a serial port is greeted by nobody but its driver.
     let (_, mut session) = open(arguments.device.port.as_deref(), &platform::port_of(&arguments.platform))?;
     let prepared = prepare(&mut request, platform.as_mut(), &mut session, &terminal)?;
@@ -51,7 +51,7 @@ pub(crate) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     }
     // From here on there is a trace, whatever becomes of the run.
     let folder = Folder::new(arguments.output.out.as_deref(), "run")?;
-    let trace = TraceFile::create(folder.file("trace.jsonl")).map_err(Error::from)?;
+    let trace = TraceFile::create(folder.file("trace.jsonl"))?;
     let there = (&terminal as &_, &trace);
     let agreed = prepared.agreed(&request, platform.as_mut(), &mut session, there)?;
     unwaiting.replace(WithoutWaiting::begin());
@@ -96,8 +96,8 @@ fn options(arguments: &Run) -> Result<DriveOptions, Failure> {
         calibration: arguments.calibration.calibration.clone(),
         load: arguments.load.typed(),
         programme: arguments.programme.typed(),
-        adaptive: arguments.adaptive.adaptive.then(|| arguments.adaptive.typed()),
-        at_most_s: arguments.adaptive.at_most_s,
+        adaptive: arguments.adaptive.adaptive,
+        end: arguments.adaptive.typed(),
         slow: arguments.slow,
         warm_up_s: arguments.warm_up_s,
         stop: arguments.stop.typed(),
@@ -143,9 +143,8 @@ fn course(
     samples: Option<Vec<platform::MotionSample>>,
 ) -> Result<Course, Failure> {
     let (stages, same_pose) = request.fixed.as_ref().map(stages).unwrap_or_default();
-    let (decisions, commanded) = (Vec::new(), request.fixed.clone());
-    let mut course = Course { stages, same_pose, decisions, reached: None, tracking: None };
-    let mut commanded = commanded;
+    let mut course = Course { stages, same_pose, decisions: Vec::new(), reached: None, tracking: None };
+    let mut commanded = request.fixed.clone();
     if let Some(decided) = driven.decisions.take() {
         (course.stages, course.decisions) = (decided.stages, decided.decisions);
         (commanded, course.reached) = (decided.program, Some(decided.came));

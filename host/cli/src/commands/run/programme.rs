@@ -5,8 +5,8 @@ use hexapod::{Geometry, MotionProgram};
 
 use crate::Failure;
 use crate::commands::run::at_terminal::AtTerminal;
+use rigident::application::driving;
 use rigident::application::planning::unchecked;
-use rigident::application::{Error, driving};
 
 /// What the platform does.
 #[derive(Args, Debug, Clone)]
@@ -31,7 +31,7 @@ impl Programme {
     /// A duration that is too short or too long, or a plan that is not for this machine: bad input.
     pub(crate) fn program(&self, geometry: &Geometry) -> Result<MotionProgram, Failure> {
         let terminal = AtTerminal { yes: false, dry_run: false };
-        Ok(self.typed().planned(geometry, &terminal).map_err(Error::from)?.program)
+        Ok(self.typed().planned(geometry, &terminal)?.program)
     }
 }
 

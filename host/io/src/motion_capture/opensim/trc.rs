@@ -8,10 +8,8 @@ use std::io::BufRead;
 
 use super::error::{OpenSimError, at, number};
 use super::lines::Lines;
+use crate::motion_capture::frames::at_its_time;
 use crate::motion_capture::ground::with_room;
-
-/// Times may be off the rate by this much of a period: they are rounded.
-const JITTER: f64 = 0.3;
 
 /// Markers of a TRC file, in its axes.
 #[derive(Clone, Debug, PartialEq)]
@@ -79,17 +77,7 @@ impl Trc {
             if frames == 0 {
                 trc.first_s = time;
             }
-            let expected = trc.first_s + frames as f64 / trc.rate_hz;
-            if (time - expected).abs() * trc.rate_hz > JITTER {
-                return Err(at(
-                    line,
-                    format!(
-                        "frame {} is at {time} s, and by {} frames a second at {expected:.4} s",
-                        frames + 1,
-                        trc.rate_hz
-                    ),
-                ));
-            }
+            at_its_time(frames, time, trc.first_s, trc.rate_hz).map_err(|what| at(line, what))?;
             frames += 1;
         }
         if frames != header.frames {
