@@ -50,8 +50,8 @@ const OF_FEW: f64 = 2.0;
 
 const REVERSED: &str = "the mass comes out negative: is wrench_sign right? It says in [recording] of the rig \
                         file whether the load cell reports the wrench \"on_body\" or \"on_sensor\"; reversed \
-                        axes of the IMU, reversed gravity columns, or a `tare` that is heavier than what it \
-                        is taken off look the same";
+                        axes of the IMU, reversed gravity columns, attitudes to axes with z down, or a `tare` \
+                        that is heavier than what it is taken off look the same";
 
 /// A fit with what was concluded from it on the way to the answer.
 struct Judged<'a> {

@@ -23,6 +23,10 @@ const UNEXPLAINED_EFFORT: f64 = 0.6;
 /// Cross-talk and tilt leave less than this of a channel of still poses whose residuals follow gravity along
 /// other axes.
 const CROSSED: f64 = 0.15;
+/// Noise of a force's three axes is of one size: it leaves less than this many times what it leaves of the
+/// quietest, of this many still poses or more.
+const UNLIKE: f64 = 10.0;
+const UNLIKE_POSES: usize = 8;
 /// No body on a load cell has its centre of mass further away, m.
 const FURTHEST_M: f64 = 10.0;
 /// If a channel varies by fewer than this many σ of its noise, noise alone may leave that much: a tenth
@@ -82,8 +86,9 @@ fn too_dense(fit: &Fit) -> Option<String> {
 /// varies, and the share that it stays below in an honest recording.
 fn share(fit: &Fit, number: usize, channel: &ChannelFit) -> Option<[f64; 2]> {
     // Of a force or moment along one axis what the largest of the three varies by.
-    let group = fit.channels.iter().filter(|other| other.channel.group == channel.channel.group);
-    let varies = group.map(|other| other.measured_sd).fold(0.0, f64::max);
+    let group = || fit.channels.iter().filter(|other| other.channel.group == channel.channel.group);
+    let varies = group().map(|other| other.measured_sd).fold(0.0, f64::max);
+    let quietest = group().map(|other| other.residual_rms).fold(f64::INFINITY, f64::min);
     if fit.residuals.is_empty() || varies <= 0.0 {
         return None;
     }
@@ -93,7 +98,11 @@ fn share(fit: &Fit, number: usize, channel: &ChannelFit) -> Option<[f64; 2]> {
         // Still poses, of which no differences tell the noise.
         _ if fit.filter.width_s == 0.0 => {
             let is_crossed = fit.lack_of_fit.crossed.contains(&number);
-            return is_crossed.then_some([channel.residual_rms / varies, CROSSED]);
+            let share = channel.residual_rms / varies;
+            let is_force = channel.channel.unit == "N";
+            let is_unlike =
+                is_force && fit.residuals.len() >= UNLIKE_POSES && channel.residual_rms > UNLIKE * quietest;
+            return is_crossed.then_some([share, CROSSED]).or(is_unlike.then_some([share, UNEXPLAINED]));
         }
         _ => 0.0,
     };

@@ -14,6 +14,7 @@ mod gains;
 mod gyro_scale;
 pub mod joints;
 pub mod sensors;
+mod still_poses;
 mod tuned;
 
 use crate::answer::result::{Cause, Status};
@@ -109,6 +110,7 @@ impl Fault {
 pub fn faults(case: &Case) -> Vec<Fault> {
     let mut all = sensors::faults(case);
     all.extend(clock::faults(case));
+    all.extend(still_poses::faults(case));
     if let Some(model) = &case.model {
         // Before units, which leave as much of each joint by itself.
         all.extend(gains::fault(case, model));

@@ -9,7 +9,7 @@ use rigident_io::rig::{ImuTable, RigFile};
 
 /// Three readings of one kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Triple {
+pub(super) enum Triple {
     Force,
     Moment,
     Accel,
@@ -26,7 +26,7 @@ impl Triple {
             Self::Moment => "the moment",
             Self::Accel => "the accelerometer",
             Self::Gyro => "the gyro",
-            Self::Gravity => "the gravity columns",
+            Self::Gravity => "the gravity vector",
         }
     }
 
@@ -57,7 +57,7 @@ impl Triple {
     }
 
     /// Changes every reading; false if there are none.
-    fn each(self, case: &mut Case, change: &dyn Fn([f64; 3]) -> [f64; 3]) -> bool {
+    pub(super) fn each(self, case: &mut Case, change: &dyn Fn([f64; 3]) -> [f64; 3]) -> bool {
         let recording = &mut case.recording;
         let half = |wrench: &mut Option<Vec<[f64; 6]>>, at: usize| {
             let rows = wrench.as_mut();
@@ -106,7 +106,8 @@ impl Triple {
             Self::Force | Self::Moment => case.recording.wrench.is_some(),
             Self::Accel => imu.is_some_and(|imu| imu.accel.is_some()),
             Self::Gyro => imu.is_some_and(|imu| imu.gyro.is_some()),
-            Self::Gravity => case.recording.gravity.is_some(),
+            // Columns of the file, not made of attitudes.
+            Self::Gravity => case.recording.gravity.is_some() && case.recording.gravity_attitudes.is_empty(),
         }
     }
 }
@@ -149,7 +150,12 @@ fn of_place(case: &Case) -> Option<Fault> {
 }
 
 /// A matrix of one ±1 in each row and column.
-type Axes = [(usize, f64); 3];
+pub(super) type Axes = [(usize, f64); 3];
+
+/// Returns all that are rotations, but the identity.
+pub(super) fn rotations() -> impl Iterator<Item = Axes> {
+    signed_permutations().into_iter().filter(|axes| matrix(*axes).determinant() > 0.0)
+}
 
 /// Returns all of them but the identity, the simplest first.
 fn signed_permutations() -> Vec<Axes> {
@@ -161,7 +167,7 @@ fn signed_permutations() -> Vec<Axes> {
     all.skip(1).collect()
 }
 
-fn turned(axes: Axes, v: [f64; 3]) -> [f64; 3] {
+pub(super) fn turned(axes: Axes, v: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|k| axes[k].1 * v[axes[k].0])
 }
 
@@ -174,7 +180,7 @@ fn matrix(axes: Axes) -> Matrix3<f64> {
 }
 
 /// Returns in words what makes the truth of readings whose axes are these.
-fn axes_in_words(axes: Axes) -> String {
+pub(super) fn axes_in_words(axes: Axes) -> String {
     const NAMES: [&str; 3] = ["x", "y", "z"];
     let reversed: Vec<&str> = (0..3).filter(|k| axes[*k].1 < 0.0).map(|k| NAMES[k]).collect();
     let moved: Vec<usize> = (0..3).filter(|k| axes[*k].0 != *k).collect();
@@ -262,6 +268,7 @@ pub(super) fn faults(case: &Case) -> Vec<Fault> {
         all.extend(of_units(*triple));
     }
     all.extend(of_wrench_sign(case));
+    all.extend(of_halves(case));
     all.extend(gyro_scale::fault(case));
     for triple in &there {
         all.extend(of_axes(*triple));
@@ -293,6 +300,17 @@ fn of_wrench_sign(case: &Case) -> Option<Fault> {
     case.recording.wrench.as_ref().map(|_| Fault::new("wrench sign", what, remedy, undo))
 }
 
+fn of_halves(case: &Case) -> Option<Fault> {
+    let what = "the columns of force and moment are exchanged";
+    let remedy = "correct their names in [recording] columns of the rig file";
+    let undo = |case: &mut Case| {
+        let rows = case.recording.wrench.iter_mut().flatten();
+        rows.for_each(|row| row.rotate_left(3));
+        true
+    };
+    case.recording.wrench.as_ref().map(|_| Fault::new("halves of the wrench", what, remedy, undo))
+}
+
 fn of_axes(triple: Triple) -> impl Iterator<Item = Fault> {
     signed_permutations().into_iter().map(move |axes| {
         let what = format!("{} {}", triple.name(), axes_in_words(axes));
@@ -322,8 +340,7 @@ fn own_table(rig: &mut RigFile) -> &mut ImuTable {
 
 fn of_mounting(case: &Case) -> Vec<Fault> {
     let mut all = Vec::new();
-    let rotations = signed_permutations().into_iter().filter(|axes| matrix(*axes).determinant() > 0.0);
-    for axes in rotations.filter(|_| case.recording.imus.first().is_some_and(|imu| imu.gyro.is_some())) {
+    for axes in rotations().filter(|_| case.recording.imus.first().is_some_and(|imu| imu.gyro.is_some())) {
         let what = format!("the IMU {}", axes_in_words(axes));
         let remedy = "correct rotation_wxyz in [[imu]] of the rig file";
         all.push(Fault::new("attitude of the IMU", what, remedy, move |case| {

@@ -351,6 +351,7 @@ impl Recording {
             wrench: some(&self.wrench, rows),
             imus: self.imus.iter().map(of_imu).collect(),
             gravity: some(&self.gravity, rows),
+            gravity_attitudes: part(&self.gravity_attitudes, rows),
             gauges: some(&self.gauges, rows),
             platform: some(&self.platform, rows),
             commanded: some(&self.commanded, rows),
@@ -413,6 +414,7 @@ impl Recording {
             imu.accel.iter_mut().chain(&mut imu.gyro).for_each(|rows| kept(rows, keep));
         }
         self.gravity.iter_mut().for_each(|rows| kept(rows, keep));
+        kept(&mut self.gravity_attitudes, keep);
         self.gauges.iter_mut().for_each(|rows| kept(rows, keep));
         self.platform.iter_mut().chain(&mut self.commanded).for_each(|rows| kept(rows, keep));
         self.attitudes.iter_mut().for_each(|(_, rows)| kept(rows, keep));

@@ -65,6 +65,8 @@ pub struct Recording {
     pub imus: Vec<ImuColumns>,
     /// Gravity vector in S, m/s².
     pub gravity: Option<Vec<[f64; 3]>>,
+    /// Attitudes w, x, y, z of S, to axes with z up, that the gravity columns were made of; empty: of none.
+    pub gravity_attitudes: Vec<[f64; 4]>,
     /// Gauge voltages, V.
     pub gauges: Option<Vec<[f64; 6]>>,
     /// Measured pose of the platform: x, y, z, qw, qx, qy, qz.

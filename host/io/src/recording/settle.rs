@@ -79,7 +79,6 @@ impl Recording {
             let wrong = || refuse(format!("column {name:?} of attitude_wxyz holds what is no finite number"));
             columns.push(numbers.collect::<Option<Vec<f64>>>().ok_or_else(wrong)?);
         }
-        let g = self.rig.recording.gravity_mps2;
         let mut rows = Vec::new();
         for (row, [w, x, y, z]) in self::rows::<4>(&columns).into_iter().enumerate() {
             let norm = (w * w + x * x + y * y + z * z).sqrt();
@@ -89,11 +88,20 @@ impl Recording {
                     "{place}: the attitude's norm is {norm:.4}; a unit quaternion w, x, y, z is wanted"
                 )));
             }
-            let attitude = UnitQuaternion::new_normalize(Quaternion::new(w, x, y, z));
-            rows.push((attitude.inverse() * Vector3::new(0.0, 0.0, -g)).into());
+            rows.push([w, x, y, z]);
         }
-        self.gravity = Some(rows);
+        self.set_attitudes(rows);
         Ok(())
+    }
+
+    /// Sets the gravity columns to those of attitudes of S, unit quaternions w, x, y, z to axes with z up.
+    pub fn set_attitudes(&mut self, attitudes: Vec<[f64; 4]>) {
+        let down = Vector3::new(0.0, 0.0, -self.rig.recording.gravity_mps2);
+        let turned = |[w, x, y, z]: &[f64; 4]| {
+            UnitQuaternion::new_normalize(Quaternion::new(*w, *x, *y, *z)).inverse() * down
+        };
+        self.gravity = Some(attitudes.iter().map(|attitude| turned(attitude).into()).collect());
+        self.gravity_attitudes = attitudes;
     }
 
     /// Makes the stamps even.
