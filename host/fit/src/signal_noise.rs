@@ -21,6 +21,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::features;
 use super::lack_of_fit::MEASURED;
+use super::left_of_rows;
 use super::linearised::{Columns, Linearised, NoiseColumns, Sensitivities};
 use super::residual_spectrum::{Band, measured, restore};
 use super::weighing::{Residuals, Spectrum, Weighing};
@@ -37,7 +38,8 @@ const MOST_REPETITIONS: usize = 8;
 /// Products that a Gram matrix of the rows, or one with nuisance parameters for each repetition, may take.
 const MOST_PRODUCTS: usize = 100_000_000;
 /// Columns of noise are made anew where what is predicted moves by more than this: their squares have a
-/// sampling error of some per cent.
+/// sampling error of some per cent; wherever it moves, if the measured side has the same noise: errors of
+/// springs and a body that is larger are then nearly one, and what tells them apart is no larger than that.
 const NEAR: f64 = 0.01;
 /// Lags of the rows that coloured noise is examined.
 const CORRELATED_LAGS: usize = 200;
@@ -112,6 +114,11 @@ impl<'a> Group<'a> {
             repetition.keep(&reached, n + 1);
         }
         Self { noise, reached, repetitions }
+    }
+
+    /// Returns the values of the columns reached.
+    fn values(&self, phi: &[f64]) -> Vec<f64> {
+        self.reached.iter().map(|j| phi.get(*j).copied().unwrap_or(MEASURED)).collect()
     }
 
     /// Returns `2 Σ ρ²` over the lags of the rows, of the channel's column where it is most.
@@ -211,6 +218,21 @@ impl<'a> RowNoise<'a> {
         self.groups.iter().map(|g| &g.noise)
     }
 
+    /// Returns the variance that noise of the signals leaves in the filtered residuals of `phi`, by channels.
+    pub(super) fn left(&self, phi: &[f64], weighing: &Weighing) -> Vec<f64> {
+        let mut left = vec![0.0; self.channels];
+        for (group, sigma) in self.groups.iter().zip(&weighing.signals) {
+            let reached = group.values(phi);
+            let count: usize = group.repetitions.iter().map(Difference::len).sum();
+            let weight = sigma * sigma / count.max(1) as f64;
+            let rows = group.repetitions.iter().flat_map(|r| r.rows.chunks_exact(reached.len().max(1)));
+            for (row, c) in rows.zip((0..self.channels).cycle()) {
+                left[c] += weight * left_of_rows::dot(row, &reached).powi(2);
+            }
+        }
+        left
+    }
+
     /// Returns, by groups, the spectrum that noise of unit σ leaves in the residuals of `phi`.
     ///
     /// The autocovariance is that of white noise and of its derivative, each after the filter; their shares
@@ -225,11 +247,10 @@ impl<'a> RowNoise<'a> {
         let (ww, wr, rr) = (sum(&white, &white), sum(&white, &rising), sum(&rising, &rising));
         let of_group = |group: &Group| {
             let mut sums = vec![DMatrix::<f64>::zeros(channels, channels); white.len()];
-            let reached: Vec<f64> =
-                group.reached.iter().map(|j| phi.get(*j).copied().unwrap_or(MEASURED)).collect();
+            let reached = group.values(phi);
             for repetition in &group.repetitions {
                 let rows = repetition.rows.chunks_exact(reached.len().max(1));
-                let all: Vec<f64> = rows.map(|row| super::left_of_rows::dot(row, &reached)).collect();
+                let all: Vec<f64> = rows.map(|row| left_of_rows::dot(row, &reached)).collect();
                 let errors: Vec<DVector<f64>> =
                     all.chunks_exact(channels).map(DVector::from_column_slice).collect();
                 for (lag, sum) in sums.iter_mut().enumerate() {
@@ -373,7 +394,8 @@ impl<'a> RowNoise<'a> {
     fn is_near(&self, from: &[f64], to: &[f64]) -> bool {
         let square = |of: &DVector<f64>| of.dot(&(&self.gram * of));
         let (from, to) = (DVector::from_column_slice(from), DVector::from_column_slice(to));
-        square(&(&to - from)) <= NEAR * NEAR * square(&to)
+        let near = if self.groups.iter().any(|g| g.reached.contains(&self.parameters)) { 0.0 } else { NEAR };
+        square(&(&to - from)) <= near * near * square(&to)
     }
 
     /// Returns the same by the features of noise.

@@ -59,13 +59,16 @@ fn errors(folder: &Path, number: usize) -> Option<Vec<f64>> {
     let output = rigident(folder, &["vibration", "identify", &format!("{number}.csv"), "--json"]);
     assert!(status(&output) < 2, "{}", said(&output));
     let found = json(&output);
-    let parameters = found["by_modes"]["parameters"].as_array()?;
-    let truth = truth(folder, number);
+    Some(off(found["by_modes"]["parameters"].as_array()?, &truth(folder, number)))
+}
+
+/// Returns the errors of the ten parameters that have a value, by their U95.
+fn off(parameters: &[Value], truth: &[f64; 10]) -> Vec<f64> {
     let of = |p: &Value| {
         let k = TEN.iter().position(|name| p["name"] == *name)?;
         Some((p["value"].as_f64()? - truth[k]) / p["u95"].as_f64()?)
     };
-    Some(parameters.iter().filter_map(of).collect())
+    parameters.iter().filter_map(of).collect()
 }
 
 #[test]
@@ -92,13 +95,32 @@ fn springs_off_their_places_leave_the_body_inside_its_intervals() {
     }
 }
 
+/// Of swings of a millimetre the markers' noise of 0.2 mm has most of what lies above the modes: the motion is
+/// smoothed below that, and the body is neither refused nor too small.
+#[test]
+#[ignore = "needs numpy in Python"]
+fn swings_of_a_millimetre_leave_the_body_inside_its_intervals() {
+    let place = tempfile::tempdir().unwrap();
+    let weak = ["amplitude=0.2", "place_m=0.0005", "axis_rad=0.004", "stiffness=0.003", "common=0.003"];
+    let known = "keys=stiffness_std=0.003;stiffness_common_std=0.003";
+    let count = runs(12, 2) as usize;
+    simulate(place.path(), 24, count, &[&weak[..], &[known]].concat());
+    for number in 24..24 + count {
+        let output = rigident(place.path(), &["identify", &format!("{number}.csv"), "--json"]);
+        let found = json(&output);
+        assert_ne!(found["status"], "implausible", "{number}: {}", found["warnings"]);
+        let errors = off(found["parameters"].as_array().unwrap(), &truth(place.path(), number));
+        assert!(!errors.is_empty() && errors.iter().all(|off| off.abs() < 1.5), "{number}: {errors:?}");
+    }
+}
+
 /// Turns and springs that change direction add vibrations of the second order beside weak modes: quiet
 /// cameras see them at 3 mm, all at 12 mm.
 #[test]
 #[ignore = "needs numpy in Python"]
 fn products_of_modes_neither_refuse_a_body_nor_move_it() {
     let place = tempfile::tempdir().unwrap();
-    let (quiet, wide) = (runs(8, 3) as usize, runs(8, 2) as usize);
+    let (quiet, wide) = (runs(8, 2) as usize, runs(8, 1) as usize);
     let with = |more: &'static str| MEASURED.iter().copied().chain([more]).collect::<Vec<&str>>();
     simulate(place.path(), 1, quiet, &with("marker_m=2e-5"));
     simulate(place.path(), 101, wide, &with("amplitude=2"));

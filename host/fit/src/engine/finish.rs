@@ -86,6 +86,7 @@ impl Engine<'_> {
         let weighing = &pass.weighing;
         let (floor, gain) = (self.source.channel_noise(), self.blocks.filter().noise_gain);
         let variance = |c: usize| weighing.total[c] * weighing.total[c] * conclusion.check.variance_scale;
+        let left = self.left_by_signals(pass, conclusion);
         let of = |(c, channel): (usize, &crate::Channel)| ChannelFit {
             channel: channel.clone(),
             sigma: weighing.sigma[c],
@@ -95,10 +96,21 @@ impl Engine<'_> {
             noise_floor: floor.get(c).copied().unwrap_or(0.0),
             outliers: conclusion.outliers.get(c).copied().unwrap_or(0),
             rejected: self.rejected(c),
-            residual_sigma: (variance(c) * gain).sqrt(),
+            residual_sigma: (variance(c) * gain).max(left.get(c).copied().unwrap_or(0.0)).sqrt(),
             autocorrelation: conclusion.coloured.iter().find(|k| k.channel == c).map(|k| k.found),
         };
         self.source.channels().iter().enumerate().map(of).collect()
+    }
+
+    /// Returns the variance of filtered residuals by channels, where noise of the signals has a spectrum of its
+    /// own: of the parameters that residuals are about, those that count nothing included.
+    fn left_by_signals(&self, pass: &Pass, conclusion: &Conclusion) -> Vec<f64> {
+        let noise = self.noise.as_ref().filter(|_| pass.weighing.is_compensated());
+        let Some(noise) = noise.filter(|_| !self.source.signal_noise_is_white()) else { return Vec::new() };
+        let gain = self.blocks.filter().noise_gain;
+        let own = pass.weighing.sigma.iter().map(|sigma| gain * sigma * sigma);
+        let signals = noise.left(&conclusion.about.values, &pass.weighing);
+        own.zip(signals).map(|(own, signals)| conclusion.check.variance_scale * (own + signals)).collect()
     }
 
     /// Returns the noise of the signals that rows were weighed by; nothing where it counts nothing.

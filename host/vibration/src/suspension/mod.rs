@@ -8,6 +8,7 @@
 pub mod bare;
 mod bridged;
 pub mod by_modes;
+mod cut_off;
 pub mod free_decay;
 pub mod geometry;
 mod imu_errors;

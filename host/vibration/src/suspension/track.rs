@@ -9,20 +9,11 @@ use std::ops::Range;
 use nalgebra::{Matrix4, Quaternion, SymmetricEigen, UnitQuaternion, Vector3, Vector4};
 
 use super::SuspensionError;
+use super::cut_off::{Lines, cut_off_hz};
 use rigident_fit::parallel;
 use rigident_rows::moved::{Moved, Part, moved};
 use rigident_rows::smoothing::Smoother;
 
-/// Bandwidth that spectra are examined in, Hz.
-const BIN_HZ: f64 = 0.25;
-/// Highest frequency that is checked, Hz.
-const HIGHEST_HZ: f64 = 60.0;
-/// Power of acceleration above the cut-off is less than this share of all.
-const LEFT_OUT: f64 = 1e-2;
-/// Power of less than this many times the noise's is noise.
-const ABOVE_NOISE: f64 = 20.0;
-/// The cut-off over the highest frequency that is to pass.
-const ROOM: f64 = 1.2;
 /// A step longer than this many periods is a gap.
 pub(super) const GAP: f64 = 1.5;
 
@@ -157,50 +148,13 @@ impl Track {
         self.numbers.chunks_exact_mut(self.width)
     }
 
-    /// Returns the cut-off, Hz: above the highest frequency at which the coordinates accelerate visibly.
-    ///
-    /// One kernel is on both sides of the equation, which is exact at any cut-off; but noise, differentiated
-    /// twice, grows as the square of the frequency and makes bodies small. So the cut-off is as low as the
-    /// motion allows.
+    /// Returns the cut-off, Hz, that the coordinates ask for.
     pub(super) fn cut_off_hz(&self) -> f64 {
-        let highest = HIGHEST_HZ.min(0.2 * self.rate_hz);
-        let bins = ((highest / BIN_HZ) as usize).max(8);
-        let passed = parallel::map(parallel::threads(), self.width, |k| self.highest_hz(k, bins));
-        ROOM * passed.into_iter().fold(BIN_HZ, f64::max)
-    }
-
-    /// Returns the highest frequency that a number's motion has, Hz.
-    fn highest_hz(&self, number: usize, bins: usize) -> f64 {
-        let own: Vec<f64> = self.numbers.iter().skip(number).step_by(self.width).copied().collect();
-        let n = own.len().max(1) as f64;
-        let mean = own.iter().sum::<f64>() / n;
-        // Power with a Hann window, at multiples of the bandwidth.
-        let power = |bin: usize| {
-            let step = std::f64::consts::TAU * bin as f64 * BIN_HZ / self.rate_hz;
-            let (mut real, mut imaginary) = (0.0, 0.0);
-            for (k, value) in own.iter().enumerate() {
-                let window = 0.5 - 0.5 * (std::f64::consts::TAU * (k as f64 + 0.5) / n).cos();
-                let (sin, cos) = (step * k as f64).sin_cos();
-                real += window * (value - mean) * cos;
-                imaginary += window * (value - mean) * sin;
-            }
-            real * real + imaginary * imaginary
+        let of = |k: usize| {
+            let own: Vec<f64> = self.numbers.iter().skip(k).step_by(self.width).copied().collect();
+            Lines::of(&own, self.rate_hz)
         };
-        let all: Vec<f64> = (1..=bins).map(power).collect();
-        let mut top: Vec<f64> = all.iter().skip(3 * bins / 4).copied().collect();
-        top.sort_by(f64::total_cmp);
-        let noise = top.get(top.len() / 2).copied().unwrap_or(0.0);
-        let accelerated = |(k, p): (usize, &f64)| (p - noise).max(0.0) * ((k + 1) as f64).powi(4);
-        let above_noise = |(_, p): &(usize, &f64)| **p > ABOVE_NOISE * noise;
-        let whole: f64 = all.iter().enumerate().filter(above_noise).map(accelerated).sum();
-        let mut left = 0.0;
-        for (k, p) in all.iter().enumerate().rev().filter(above_noise) {
-            left += accelerated((k, p));
-            if left > LEFT_OUT * whole {
-                return (k + 1) as f64 * BIN_HZ;
-            }
-        }
-        BIN_HZ
+        cut_off_hz(&parallel::map(parallel::threads(), self.width, of))
     }
 
     /// Returns coordinates and rates of a row; `None` near either end and near a gap.
