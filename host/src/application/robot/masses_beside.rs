@@ -41,6 +41,25 @@ impl Eliminated {
 }
 
 impl Eliminated {
+    /// Returns it in words: kind, joint, link or foot, and its numbers.
+    pub(super) fn in_words(&self) -> String {
+        let (kind, unit) = match self.kind {
+            "wrench" => ("a wrench on", " N and N m"),
+            "force" => ("a force at", " N"),
+            "unmeasured_wrench" => ("a wrench that is not measured at", ""),
+            "effort_scale" => ("the scale of the effort of", ""),
+            "effort_offset" => ("an offset of the effort of", " N m or N"),
+            "friction" => ("friction of", ""),
+            "rotor" => ("a rotor at", " kg m² or kg"),
+            _ => ("the scale of", ""),
+        };
+        let values: Vec<String> = self.values.iter().map(|value| significant(*value, 3)).collect();
+        if values.is_empty() {
+            return format!("{kind} {}", self.of);
+        }
+        format!("{kind} {}: {}{unit}", self.of, values.join(", "))
+    }
+
     /// Returns true if it is worth a word: a scale that is off by noise of the motion is not.
     fn counts(&self) -> bool {
         let is_scale = matches!(self.kind, "effort_scale" | "foot_scale");

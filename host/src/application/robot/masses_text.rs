@@ -44,6 +44,12 @@ impl fmt::Display for MassProperties {
             )?;
             links(f, &self.links)?;
         }
+        if !self.eliminated.is_empty() {
+            f.write_str("\nEliminated, as it acts beside the model:\n\n")?;
+            for own in &self.eliminated {
+                writeln!(f, "  {}", own.in_words())?;
+            }
+        }
         if let Some(mass) = self.whole_mass_kg {
             writeln!(f, "\n  All links: {mass:.3} kg, nominal {:.3} kg.", self.nominal_whole_mass_kg)?;
         }
