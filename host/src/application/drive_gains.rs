@@ -136,14 +136,18 @@ fn found(bare: &[PathBuf], options: &DriveGainOptions, caller: &Caller<'_>) -> R
     let (fitted, round) = loop {
         rounds += 1;
         let fitted = fit(&runs, (&gains, WIDE), options, caller)?;
-        let round = errors(&fitted, &joints, options)?;
+        let round = errors(&fitted, &joints, options, false)?;
         let is_determined = round.errors.sd_in_common() <= UNDETERMINED;
-        let errors = if is_determined { round.errors.clone() } else { round.errors.apart() };
-        let step = |k: usize| (1.0 / (1.0 + errors.values[k]).max(1.0 / STEPS.1)).max(STEPS.0);
-        let moves = |k: usize| errors.values[k].abs() > SETTLED * errors.sd(k);
+        let off = if is_determined { round.errors.clone() } else { round.errors.apart() };
+        let step = |k: usize| (1.0 / (1.0 + off.values[k]).max(1.0 / STEPS.1)).max(STEPS.0);
+        let moves = |k: usize| off.values[k].abs() > SETTLED * off.sd(k);
         let is_settled = !(0..gains.len()).any(moves);
-        if is_settled || rounds == MOST_ROUNDS {
-            break (fitted, Round { is_settled, ..round });
+        if is_settled {
+            let judged = errors(&fitted, &joints, options, true)?;
+            break (fitted, Round { is_settled, ..judged });
+        }
+        if rounds == MOST_ROUNDS {
+            break (fitted, round);
         }
         gains.iter_mut().enumerate().for_each(|(k, gain)| *gain *= step(k));
     };
@@ -228,7 +232,15 @@ fn fit(
 }
 
 /// Returns the errors of the gains as all recordings tell them together.
-fn errors(fitted: &Fitted, joints: &[String], options: &DriveGainOptions) -> Result<Round, Error> {
+///
+/// Rows are linear about the gains that efforts are scaled by, and what they say of the size of a load far
+/// from these is next to nothing: what is known of it is judged where gains have settled.
+fn errors(
+    fitted: &Fitted,
+    joints: &[String],
+    options: &DriveGainOptions,
+    is_settled: bool,
+) -> Result<Round, Error> {
     let none = || Error::from(DriveGainsError::NoRows(joints.join(", ")));
     let with = options.loaded.iter().len();
     let (bare, loaded) = fitted.fits.split_at(fitted.fits.len().saturating_sub(with));
@@ -264,7 +276,8 @@ fn errors(fitted: &Fitted, joints: &[String], options: &DriveGainOptions) -> Res
         let rows = known.rows(all.parameters(), &at);
         all.absorb(rows.iter().map(|(row, value)| (row.as_slice(), *value)));
     }
-    options.known.absorbed_by(&mut all, &fit.parameters, fit.estimate.noise, fit.rounding)?;
+    let noise = is_settled.then_some(fit.estimate.noise);
+    options.known.absorbed_by(&mut all, &fit.parameters, noise, fit.rounding)?;
     let errors = Errors::of(&all, rows.parameters(), rows.errors(), joints).ok_or_else(none)?;
     Ok(Round { errors, coverage: fit.estimate.noise.coverage_factor(), is_settled: false, warnings })
 }

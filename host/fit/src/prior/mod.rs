@@ -100,7 +100,7 @@ impl KnownValues {
         let known = self.resolve(&fit.parameters)?;
         let data = fit.data_alone().clone();
         let mut factor = fit.scaled_factor();
-        absorb(&mut factor, &known, data.noise, fit.rounding)?;
+        absorb(&mut factor, &known, Some(data.noise), fit.rounding)?;
         let estimate = Estimate::new(&factor, fit.rounding, 1.0, data.noise).beside(&[fit.rows()]);
         let statements = known.iter().map(|known| known.statement(&estimate)).collect();
         fit.prior = Some(Prior { statements, data_alone: Box::new(data) });
@@ -109,7 +109,8 @@ impl KnownValues {
     }
 
     /// Puts the statements into rows whose first columns are those of the parameters, whitened by their true
-    /// σ; errors of a rig may follow.
+    /// σ; errors of a rig may follow. They are judged beside the noise of the rows, where it is given: rows
+    /// about values far from the estimate say nothing of a contradiction.
     ///
     /// # Errors
     /// As [`KnownValues::apply`]; the rows are then as they were.
@@ -117,7 +118,7 @@ impl KnownValues {
         &self,
         rows: &mut Factor,
         parameters: &[Parameter],
-        noise: Noise,
+        noise: Option<Noise>,
         rounding: f64,
     ) -> Result<(), KnownError> {
         absorb(rows, &self.resolve(parameters)?, noise, rounding)

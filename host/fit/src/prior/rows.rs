@@ -140,14 +140,15 @@ pub(super) fn two_sided(deviation: f64, noise: Noise) -> f64 {
 /// Absorbs known values into a factor whose rows are whitened by their true σ.
 ///
 /// The order of statements does not matter to the answer: those on parameters come first, then centres of
-/// mass and planes, then central tensors; each is judged against the data and those before it.
+/// mass and planes, then central tensors; each is judged against the data, beside their noise, and those
+/// before it, where rows are about values near to the estimate.
 ///
 /// # Errors
 /// [`KnownError`]; the factor is then as it was.
 pub(super) fn absorb(
     factor: &mut Factor,
     known: &[Known],
-    noise: Noise,
+    noise: Option<Noise>,
     rounding: f64,
 ) -> Result<(), KnownError> {
     let mut ordered: Vec<&Known> = known.iter().collect();
@@ -184,7 +185,7 @@ fn judge(
     row: &Row,
     so_far: &Point,
     least_sigma: f64,
-    noise: Noise,
+    noise: Option<Noise>,
 ) -> Result<(), KnownError> {
     let least = least_sigma * so_far.size(row);
     if row.sigma < least {
@@ -192,7 +193,7 @@ fn judge(
         let least = 1.05 * least * statement.sigma / row.sigma;
         return Err(KnownError::TooTight { name: statement.name.clone(), sigma: statement.sigma, least });
     }
-    let Some((found, found_sigma)) = so_far.along(&row.a) else { return Ok(()) };
+    let Some(((found, found_sigma), noise)) = so_far.along(&row.a).zip(noise) else { return Ok(()) };
     let deviation = (row.y - found).abs() / row.sigma.hypot(found_sigma);
     if two_sided(deviation, noise) >= REFUSED_PROBABILITY {
         return Ok(());
