@@ -78,6 +78,11 @@ pub fn width_s(cut_off_hz: f64) -> f64 {
     CUT_OFF_TIMES_WIDTH / cut_off_hz
 }
 
+/// Returns the cut-off of a kernel of a width, Hz.
+pub fn cut_off_hz(width_s: f64) -> f64 {
+    CUT_OFF_TIMES_WIDTH / width_s
+}
+
 /// Returns the cut-off, Hz, that predicts left-out samples of the given number of series best: least mean
 /// logarithm of their generalised cross-validation (P. Craven and G. Wahba 1979; for human movement H.
 /// Woltring 1986).

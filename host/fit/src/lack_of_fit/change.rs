@@ -5,8 +5,8 @@
 //! whitened rows over bins of time (`bins`). A first test takes the bins' noise as white; what it suspects is
 //! tested again with white, flicker and walking noise as the residuals beside the step show them (`noise`), a
 //! line and a curve in time of every channel eliminated. A step of the body counts only beside a step of the
-//! channels' offsets: what a load cell does by itself is no change of the body. Nothing here knows of bodies:
-//! columns say themselves whose they are.
+//! channels' offsets and of friction: what a load cell does by itself is no change of the body, and friction
+//! is no evidence at all. Nothing here knows of bodies: columns say themselves whose they are.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -35,7 +35,7 @@ const MOST_FILLED: usize = 16;
 const INDEPENDENT: f64 = 4.0;
 /// A change of bodies on drives explains this share of the residuals at least: less is no more than a model
 /// of friction lacks.
-const LEAST_SHARE: f64 = 0.25;
+const LEAST_SHARE: f64 = 0.05;
 /// Bins about the change in which its time is searched for row by row.
 const NEAR: usize = 3;
 /// The 95 % interval of the time is `11/L` to either side, L being the mean square of the step in a row, in
@@ -85,25 +85,31 @@ pub struct Change {
 /// Returns the change that rows show; `None` where there is none beyond chance, or rows are too few to tell.
 pub(super) fn find(rows: &Rows, bins: &Bins) -> Option<Change> {
     let offset = rows.columns(|role| role == Role::Offset);
+    let friction = rows.columns(|role| role == Role::Friction);
     let body = rows.columns(Role::is_body);
     if bins.len() < LEAST_BINS || body.is_empty() {
         return None;
     }
-    let columns: Vec<usize> = offset.iter().chain(&body).copied().collect();
+    let columns: Vec<usize> = friction.iter().chain(&offset).chain(&body).copied().collect();
     let bin_s = bins.several as f64 * rows.blocks.filter().row_period_s();
-    Search { bins, columns: &columns, offsets: offset.len(), bin_s }.find(rows)
+    let [friction, offsets] = [friction.len(), offset.len()];
+    Search { bins, columns: &columns, friction, offsets, bin_s }.find(rows)
 }
 
 pub(super) struct Search<'a> {
     pub(super) bins: &'a Bins,
-    /// Columns that may step, offsets first.
+    /// Columns that may step: friction, offsets, bodies.
     pub(super) columns: &'a [usize],
+    pub(super) friction: usize,
     pub(super) offsets: usize,
     /// Length of a bin, s.
     pub(super) bin_s: f64,
 }
 
-/// The largest step of all, at one bin.
+/// Returns the decrease of χ² and its degrees of freedom by a first set of columns, then by both.
+type Explain<'a> = &'a dyn Fn([&[usize]; 2]) -> [(f64, usize); 2];
+
+/// The largest step beside one of friction, at one bin.
 struct Largest {
     bin: usize,
     square: f64,
@@ -127,20 +133,36 @@ impl Search<'_> {
         end..self.bins.len().saturating_sub(end)
     }
 
-    fn body(&self) -> Vec<usize> {
-        (self.offsets..self.columns.len()).collect()
+    fn friction(&self) -> Vec<usize> {
+        (0..self.friction).collect()
     }
 
     fn offset(&self) -> Vec<usize> {
-        (0..self.offsets).collect()
+        (self.friction..self.friction + self.offsets).collect()
+    }
+
+    fn body(&self) -> Vec<usize> {
+        (self.friction + self.offsets..self.columns.len()).collect()
+    }
+
+    /// Returns what a second set of columns explains beside friction and a first set.
+    fn beside(&self, first: &[usize], second: &[usize], explain: Explain) -> (f64, usize) {
+        let first: Vec<usize> = self.friction().into_iter().chain(first.iter().copied()).collect();
+        let [(square, rank), (both, all)] = explain([&first, second]);
+        (both - square, all.saturating_sub(rank))
+    }
+
+    /// Returns what steps explain beside those of friction.
+    fn explained(&self, common: &Common, score: &Score) -> (f64, usize) {
+        let others: Vec<usize> = (self.friction..self.columns.len()).collect();
+        self.beside(&[], &others, &|sets| common.explained(score, sets))
     }
 
     fn largest(&self, common: &Common, filled: &[DVector<f64>]) -> Option<Largest> {
-        let (offset, body) = (self.offset(), self.body());
         let mut largest: Option<(f64, Largest)> = None;
         common.each(self.range(), |score| {
             let score = score.beside(filled);
-            let [_, (square, rank)] = common.explained(&score, [&offset, &body]);
+            let (square, rank) = self.explained(common, &score);
             let chance = tail(square, rank, self.others());
             // Beyond the smallest number that there is, the square decides.
             let better = |(least, best): &(f64, Largest)| {
@@ -161,7 +183,7 @@ impl Search<'_> {
         if self.probability(first.square, first.rank) > SUSPICION {
             return None;
         }
-        let could = NoiseFilled::new(self.bins, self.columns, self.offsets, self.bin_s);
+        let could = NoiseFilled::new(self.bins, self.columns, self.friction + self.offsets, self.bin_s);
         let (mut filled, mut found): (Vec<DVector<f64>>, _) = (Vec::new(), first);
         for _ in 0..MOST_FILLED {
             let (noise, largest) = self.second_look(found, &filled)?;
@@ -174,7 +196,7 @@ impl Search<'_> {
             let score = common.at(largest.bin)?;
             let evidence = score.clone().beside(&filled);
             let beside = evidence.clone().beside(&more);
-            let [_, (_, rank)] = common.explained(&beside, [&self.offset(), &self.body()]);
+            let (_, rank) = self.explained(&common, &beside);
             if rank == largest.rank {
                 if rows.has_drives && self.is_everywhere(&metrics, &largest) {
                     return None;
@@ -202,10 +224,9 @@ impl Search<'_> {
         }
         let bins = self.bins.with_step(self.columns, largest.bin);
         let beside = Common::new(&bins, metrics, self.columns);
-        let (offset, body) = (self.offset(), self.body());
         let mut usual = 1.0_f64;
         beside.each(self.range(), |score| {
-            let [_, (square, rank)] = beside.explained(&score, [&offset, &body]);
+            let (square, rank) = self.explained(&beside, &score);
             usual = usual.max(square / rank.max(1) as f64);
         });
         let known = (INDEPENDENT * largest.rank as f64).min(self.others());
@@ -266,11 +287,13 @@ impl Search<'_> {
         noise: &[PowerLaw],
     ) -> Change {
         let (offset, body) = (self.offset(), self.body());
-        let beside = |[first, both]: [(f64, usize); 2]| self.probability(both.0 - first.0, both.1 - first.1);
-        let explained = common.explained(evidence, [&offset, &body]);
-        let [_, (square, rank)] = explained;
-        let of_body = beside(explained);
-        let of_offset = beside(common.explained(evidence, [&body, &offset]));
+        let beside = |first: &[usize], second: &[usize]| {
+            let (square, rank) = self.beside(first, second, &|sets| common.explained(evidence, sets));
+            self.probability(square, rank)
+        };
+        let (square, rank) = self.explained(common, evidence);
+        let of_body = beside(&offset, &body);
+        let of_offset = beside(&body, &offset);
         let changed = if of_body < FALSE_ALARM {
             Changed::Body
         } else if of_offset < FALSE_ALARM {
@@ -278,13 +301,13 @@ impl Search<'_> {
         } else {
             Changed::Either
         };
-        let all: Vec<usize> = (0..self.columns.len()).collect();
-        let set = match changed {
-            Changed::Body if of_offset < FALSE_ALARM => &all,
-            Changed::Body | Changed::Either => &body,
-            Changed::Offset => &offset,
+        let also = match changed {
+            Changed::Body if of_offset < FALSE_ALARM => [&offset[..], &body],
+            Changed::Body | Changed::Either => [&body[..], &[]],
+            Changed::Offset => [&offset[..], &[]],
         };
-        let step = common.step(score, set, filled);
+        let set: Vec<usize> = self.friction().into_iter().chain(also.concat()).collect();
+        let step = common.step(score, &set, filled);
         let (time_s, time_u95_s) = self.time(rows, &step, score.bin, noise);
         let steps = step.columns.iter().enumerate().filter(|(k, _)| step.determined[*k]);
         let steps = steps.map(|(k, column)| ColumnStep {

@@ -39,10 +39,12 @@ pub const SUSPECT: f64 = 1.5;
 /// The part that a column has in the model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
-    /// It belongs to what is identified: masses, friction.
+    /// It belongs to what is identified: masses.
     Body,
     /// It belongs to what is identified, and angular accelerations multiply it.
     Turning,
+    /// It belongs to what is identified, and changes by itself: friction warms, wears and runs in.
+    Friction,
     /// The offset of a channel.
     Offset,
     /// It is fitted, and does not change: gains, mounting.
@@ -57,12 +59,13 @@ impl Role {
         match (&parameter.owner, parameter.kind) {
             (_, Kind::Offset) => Self::Offset,
             (Owner::Channel(_), _) => Self::Fixed,
+            (_, Kind::Viscous | Kind::Coulomb | Kind::Load) => Self::Friction,
             (_, Kind::Inertia) => Self::Turning,
             _ => Self::Body,
         }
     }
 
-    /// Returns true if it belongs to what is identified.
+    /// Returns true if it belongs to a body that is identified.
     pub fn is_body(self) -> bool {
         matches!(self, Self::Body | Self::Turning)
     }

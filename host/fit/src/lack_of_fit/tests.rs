@@ -173,9 +173,10 @@ fn the_probability_of_a_step_by_chance_is_no_smaller_than_it_is() {
             let weights = Weights::none(2);
             let whitening = Whitening::diagonal(&SIGMA.map(|s| 1.0 / s));
             let bins = Bins::new(&blocks.rows(&whitening, &weights));
-            let chance = change::Search { bins: &bins, columns: &[2, 3, 0, 1], offsets: 2, bin_s: 0.1 }
-                .chance()
-                .unwrap();
+            let chance =
+                change::Search { bins: &bins, columns: &[2, 3, 0, 1], friction: 0, offsets: 2, bin_s: 0.1 }
+                    .chance()
+                    .unwrap();
             below += u32::from(chance < 0.05);
             some += usize::from(chance < 0.9);
         }

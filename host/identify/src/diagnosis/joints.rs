@@ -125,7 +125,7 @@ pub(super) fn faults(case: &Case, model: &Model) -> Vec<Fault> {
     all.extend(of_zeros(&joints));
     all.extend(of_order(&joints, has_efforts));
     all.extend(of_gravity(case));
-    all.extend(of_delays(case, &joints, has_rates, has_efforts));
+    all.extend(of_delays(case, &joints, has_efforts));
     all
 }
 
@@ -315,33 +315,21 @@ fn of_gravity(case: &Case) -> Vec<Fault> {
         .collect()
 }
 
-fn of_delays(case: &Case, joints: &[Named], has_rates: bool, has_efforts: bool) -> Vec<Fault> {
-    let mut all = Vec::new();
-    for (quantity, needs) in
-        [(Quantity::Effort, has_efforts), (Quantity::Position, has_rates), (Quantity::Rate, has_rates)]
-    {
-        // What is known of the delay of efforts is estimated with the body: it is none that a recording
-        // cannot have.
-        let known_s = if quantity == Quantity::Effort { known_delay_s(case) } else { 0.0 };
-        let delays = delays(case).into_iter().filter(|(_, s)| needs && s.abs() > known_s);
-        all.extend(delays.map(|delay| of_delay(joints, quantity, delay)));
-    }
-    all
+/// Returns delays of efforts that nothing lets expect: what is known of them is estimated with the body.
+/// Rates that are not those of their positions are not used.
+fn of_delays(case: &Case, joints: &[Named], has_efforts: bool) -> Vec<Fault> {
+    let known_s = known_delay_s(case);
+    let delays = delays(case).into_iter().filter(|(_, s)| has_efforts && s.abs() > known_s);
+    delays.map(|delay| of_delay(joints, delay)).collect()
 }
 
-/// Returns the delay of a quantity by this many rows and seconds.
-fn of_delay(joints: &[Named], quantity: Quantity, (rows, s): (isize, f64)) -> Fault {
-    let what = match quantity {
-        Quantity::Effort => "effort",
-        Quantity::Position => "position",
-        Quantity::Rate => "rate",
-    };
+/// Returns the delay of efforts by this many rows and seconds.
+fn of_delay(joints: &[Named], (rows, s): (isize, f64)) -> Fault {
     let own = joints.to_vec();
     let remedy = "stamp readings where they are taken, or shift the columns";
-    let kind = format!("delay of the {what}");
-    Fault::new(kind, late(&format!("the {what}"), s), remedy, move |case| {
+    Fault::new("delay of the effort", late("the effort", s), remedy, move |case| {
         let columns: Vec<String> =
-            own.iter().filter_map(|joint| Some(joint.column(case, quantity)?.name)).collect();
+            own.iter().filter_map(|joint| Some(joint.column(case, Quantity::Effort)?.name)).collect();
         for (name, cells) in &mut case.recording.extra {
             if columns.contains(name) {
                 earlier(cells, rows);
@@ -356,7 +344,7 @@ pub(super) fn known_delays(case: &Case, model: &Model) -> Vec<Fault> {
     let joints = named(case, model);
     let known_s = known_delay_s(case);
     let known = delays(case).into_iter().filter(|(_, s)| s.abs() <= known_s);
-    known.map(|delay| of_delay(&joints, Quantity::Effort, delay)).collect()
+    known.map(|delay| of_delay(&joints, delay)).collect()
 }
 
 /// Returns the delay of efforts that the rig file, or its class, lets expect, s.

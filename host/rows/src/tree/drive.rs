@@ -176,6 +176,31 @@ impl Term {
     }
 }
 
+/// A part of a drive's friction that changes by itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FrictionPart {
+    /// That proportional to the rate.
+    Viscous,
+    /// That of one size, against the rate.
+    Dry,
+}
+
+impl FrictionPart {
+    /// Returns true if a term belongs to it.
+    pub fn has(self, term: Term) -> bool {
+        match self {
+            Self::Viscous => term == Term::Viscous,
+            Self::Dry => matches!(term, Term::Coulomb(_)),
+        }
+    }
+
+    /// Returns the column of a term at a rate; zero if it does not belong to this part.
+    pub fn column(self, term: Term, rate: f64) -> f64 {
+        let motion = DriveState { rate, ..DriveState::default() };
+        if self.has(term) { term.column(&motion, false, true) } else { 0.0 }
+    }
+}
+
 /// Returns the columns that a joint's own friction, rotor and spring are values of.
 pub fn stated(passive: &Passive) -> [(Term, f64); 5] {
     let [viscous, coulomb, rotor, spring, offset] = passive.terms().map(|(_, value)| value);

@@ -8,7 +8,7 @@ use nalgebra::{Matrix3, Vector3};
 use rigident_shared::tree::Joint;
 
 use super::contact::COMPONENTS;
-use super::drive::Term;
+use super::drive::{FrictionPart, Term};
 use super::joints::attitude;
 use super::{Input, SignalKind};
 use crate::body::errors::{of_cell, of_imu};
@@ -89,6 +89,18 @@ pub enum SignalError {
     /// It turns over more slowly than a hyperbolic tangent does, by this share of the way to an algebraic
     /// law.
     FrictionShape(usize),
+    /// A part of a drive's friction moves by a Legendre polynomial of the time, relative, as
+    /// [`Effect::Drift`] has it.
+    FrictionDrift {
+        /// The drive, by its number.
+        drive: usize,
+        /// The part.
+        part: FrictionPart,
+        /// 1: a line; 2: a curve.
+        degree: u8,
+    },
+    /// Dry friction of a drive, by its number, grows with what it carries, by this share of it.
+    FrictionLoad(usize),
     /// A component of a foot's wrench reads too much.
     FootZero {
         /// The foot.

@@ -192,6 +192,15 @@ impl Input {
         if self.has_wrench() { 6 } else { 0 }
     }
 
+    /// Returns a Legendre polynomial of the first or second degree at a frame, of the time that goes from −1
+    /// to 1 over the frames.
+    pub(super) fn drift(&self, frame: &Frame, degree: u8) -> f64 {
+        let time = |frame: Option<&Frame>| frame.map_or(0.0, |frame| frame.time_ns as f64 * 1e-9);
+        let (first, last) = (time(self.frames.first()), time(self.frames.last()));
+        let x = (2.0 * time(Some(frame)) - first - last) / (last - first).max(f64::MIN_POSITIVE);
+        if degree == 1 { x } else { 1.5 * x * x - 0.5 }
+    }
+
     /// Returns the names of the channels: `fx` … `mz`, then the joints'.
     pub fn channels(&self) -> Vec<String> {
         let mut names: Vec<String> = Vec::new();

@@ -7,12 +7,12 @@
 //! else is large there. Every drive's own efforts decide: the columns of several speeds are beside all others
 //! in one factor, and each speed leaves its own sum of squares.
 
-use nalgebra::DMatrix;
 use rigident_shared::tree::TreeError;
 
 use super::drive::{Drive, Term};
-use super::{Input, SignalError, TreeSource};
-use rigident_fit::{Basis, Effect, FRICTION, Factor, Nuisance, RowSource as _, Scope, Silent};
+use super::effort_factors::EffortFactors;
+use super::{Input, SignalError, TreeSource, friction_terms};
+use rigident_fit::{Basis, Effect, FRICTION, Nuisance, RowSource as _, Scope};
 use rigident_model::base::BaseParameters;
 
 /// Speeds that are tried, over the root mean square of the drive's rate, each twice the one before.
@@ -25,11 +25,10 @@ const STRETCHES: usize = 8;
 const SHARE: f64 = 0.7;
 /// Standard deviation of the way from a hyperbolic tangent to an algebraic law, which no theory decides.
 const SHAPE: f64 = 2.0;
-/// Row blocks that are made at once.
-const AT_ONCE: usize = 64;
 
 /// Returns the input with the speed of every drive of which none is given; 0, a jump, where that explains
-/// most or the recording is too short.
+/// most or the recording is too short. What else its friction depends on is among the errors then, where the
+/// efforts show it.
 ///
 /// # Errors
 /// [`TreeError`] if frames and model do not fit.
@@ -37,7 +36,7 @@ pub(super) fn found(mut input: Input, base: &BaseParameters) -> Result<Input, Tr
     if input.is_static
         || !input.has_efforts()
         || input.contact.is_some()
-        || !input.drives.iter().any(is_sought)
+        || !input.drives.iter().any(has_friction)
     {
         return Ok(input);
     }
@@ -49,10 +48,13 @@ pub(super) fn found(mut input: Input, base: &BaseParameters) -> Result<Input, Tr
     }
     (tried.nuisances, tried.errors, tried.signals) = (Vec::new(), Vec::new(), Vec::new());
     let source = TreeSource::with_base(tried, base.clone())?;
-    let gains = Gains::of(&source);
+    let factors = EffortFactors::of(&friction_terms::beside(&source, &rates), source.input().first_effort());
+    let search = Search { source: &source, factors: factors.as_ref() };
+    let mut others = Vec::new();
     for (k, (drive, rate)) in input.drives.iter_mut().zip(&rates).enumerate() {
+        let (speed, columns) = search.best(k, *rate);
+        others.push(columns);
         let Some(term) = drive.terms.iter_mut().find(|term| **term == Term::Coulomb(None)) else { continue };
-        let speed = gains.as_ref().map_or(0.0, |gains| gains.best(&source, k, *rate));
         *term = Term::Coulomb(Some(speed));
         if speed > 0.0 {
             let unknown = [
@@ -64,6 +66,9 @@ pub(super) fn found(mut input: Input, base: &BaseParameters) -> Result<Input, Tr
                 input.errors.push(error);
             }
         }
+    }
+    if let Some(factors) = &factors {
+        friction_terms::add(&mut input, factors, source.parameters().len(), &others);
     }
     Ok(input)
 }
@@ -83,6 +88,10 @@ fn nuisance(drive: &str, word: &str, sigma: f64, number: usize) -> Nuisance {
 
 fn is_sought(drive: &Drive) -> bool {
     drive.terms.contains(&Term::Coulomb(None))
+}
+
+fn has_friction(drive: &Drive) -> bool {
+    drive.terms.iter().any(|term| matches!(term, Term::Viscous | Term::Coulomb(_)))
 }
 
 /// Returns a jump, and the speeds that are tried of a drive of some usual rate.
@@ -107,60 +116,50 @@ fn stretches(input: &Input) -> Vec<super::Frame> {
     own.flatten().cloned().collect()
 }
 
-/// The factors of the rows of every freedom's effort.
-struct Gains {
-    factors: Vec<Factor>,
+/// The search for the speeds of drives.
+struct Search<'a> {
+    /// The rows with all speeds.
+    source: &'a TreeSource,
+    /// `None` where there are too few to decide.
+    factors: Option<&'a EffortFactors>,
 }
 
-impl Gains {
-    /// Absorbs all rows; `None` where there are too few to decide.
-    fn of(source: &TreeSource) -> Option<Self> {
-        let blocks = source.blocks(&Silent).ok()?;
-        let (channels, columns) = (source.channels().len(), source.parameters().len());
-        let first = source.input().first_effort();
-        let mut factors = vec![Factor::new(columns); channels.checked_sub(first)?];
-        let (mut rows, mut values) = (Vec::new(), Vec::new());
-        for start in (0..blocks.len()).step_by(AT_ONCE) {
-            let count = AT_ONCE.min(blocks.len() - start);
-            rows.resize(count * channels * columns, 0.0);
-            values.resize(count * channels, 0.0);
-            blocks.write_blocks(start..start + count, channels, &mut rows, &mut values);
-            for (k, factor) in factors.iter_mut().enumerate() {
-                let own = (0..count).filter_map(|block| {
-                    let at = block * channels + first + k;
-                    Some((rows.get(at * columns..(at + 1) * columns)?, *values.get(at)?))
-                });
-                factor.absorb(own);
-            }
-        }
-        let filter = blocks.filter();
-        let rows = blocks.len() as f64 * (filter.row_period_s() / filter.width_s).min(1.0);
-        (rows > columns as f64).then_some(Self { factors })
-    }
-
-    /// Returns the speed of the drive k that explains most; 0 where a jump does, or of one that does not
-    /// move.
-    fn best(&self, source: &TreeSource, k: usize, rate: f64) -> f64 {
-        let drives = &source.input().drives;
-        let Some(drive) = drives.get(k).filter(|drive| !drive.stands && rate > 0.0) else { return 0.0 };
+impl Search<'_> {
+    /// Returns the speed of the drive k that explains most, 0 where a jump does, or of one that does not
+    /// move; and the columns that its efforts are explained by then.
+    fn best(&self, k: usize, rate: f64) -> (f64, Vec<usize>) {
+        let drives = &self.source.input().drives;
+        let mut columns = self.others(k);
+        let Some(drive) = drives.get(k) else { return (0.0, columns) };
         let is_speed = |j: &usize| matches!(drive.terms.get(*j), Some(Term::Coulomb(Some(_))));
         let places: Vec<usize> = (0..drive.terms.len()).filter(is_speed).collect();
-        let at = source.parameters().len() - drives[k..].iter().map(|own| own.terms.len()).sum::<usize>();
-        let others = self.others(source, k);
-        let likelihood: Vec<f64> =
-            places.iter().map(|place| self.likelihood(drive, at + place, &others)).collect();
+        let at =
+            self.source.parameters().len() - drives[k..].iter().map(|own| own.terms.len()).sum::<usize>();
+        let can_tell = !drive.stands && rate > 0.0 && places.len() > 1;
+        let enough = |factors: &&EffortFactors| can_tell && factors.can_tell(columns.len() + places.len());
+        let Some(factors) = self.factors.filter(enough) else {
+            columns.extend(places.first().map(|place| at + place));
+            return (0.0, columns);
+        };
+        let likelihood = |place: &usize| {
+            let kept: Vec<usize> = columns.iter().copied().chain([at + place]).collect();
+            -factors.left(drive.rates.iter().map(|(freedom, _)| *freedom), &kept)
+        };
+        let likelihood: Vec<f64> = places.iter().map(likelihood).collect();
         let larger = |best: usize, own: usize| if likelihood[own] > likelihood[best] { own } else { best };
         let best = (0..likelihood.len()).fold(0, larger);
+        columns.push(at + places[best]);
         if best == 0 {
-            return 0.0;
+            return (0.0, columns);
         }
-        rate * SLOWEST * f64::powf(2.0, best as f64 - 1.0 + vertex(&likelihood, best))
+        (rate * SLOWEST * f64::powf(2.0, best as f64 - 1.0 + vertex(&likelihood, best)), columns)
     }
 
     /// Returns the columns beside those of drive k's speeds.
-    fn others(&self, source: &TreeSource, k: usize) -> Vec<usize> {
-        let drives = &source.input().drives;
-        let first = source.parameters().len() - drives.iter().map(|own| own.terms.len()).sum::<usize>();
+    fn others(&self, k: usize) -> Vec<usize> {
+        let drives = &self.source.input().drives;
+        let all = self.source.parameters().len();
+        let first = all - drives.iter().map(|own| own.terms.len()).sum::<usize>();
         let terms =
             drives.iter().enumerate().flat_map(|(i, own)| own.terms.iter().map(move |term| (i, *term)));
         let is_speed = |term: &Term| matches!(term, Term::Coulomb(Some(_)));
@@ -169,18 +168,6 @@ impl Gains {
         let own = |i: usize, term: &Term| drives[i].terms.iter().find(|own| is_speed(own)) == Some(term);
         let kept = terms.enumerate().filter(|(_, (i, term))| !is_speed(term) || (*i != k && own(*i, term)));
         (0..first).chain(kept.map(|(j, _)| first + j)).collect()
-    }
-
-    /// Returns the logarithm of the likelihood, less a constant, with one of a drive's speeds.
-    fn likelihood(&self, drive: &Drive, column: usize, others: &[usize]) -> f64 {
-        let kept: Vec<usize> = others.iter().copied().chain([column]).collect();
-        let of = |(freedom, _): &(usize, f64)| {
-            let factor = self.factors.get(*freedom)?;
-            let map = DMatrix::from_fn(factor.parameters(), kept.len(), |i, j| f64::from(kept[j] == i));
-            let left = factor.substitute(&map).residual_sum_of_squares();
-            Some(-left.max(f64::MIN_POSITIVE).ln())
-        };
-        drive.rates.iter().filter_map(of).sum()
     }
 }
 

@@ -3,10 +3,10 @@
 
 use rigident_shared::tree::TreeError;
 
-use super::drive::{Drive, Term};
+use super::drive::{Drive, FrictionPart, Term};
 use super::instant::Instant;
-use super::rows;
-use super::{Frame, Input};
+use super::rows::effort_of_drives;
+use super::{Frame, Input, SignalError};
 
 /// Frames whose predictions are stored: one and its neighbours.
 const KEPT: usize = 3;
@@ -30,21 +30,45 @@ impl Predictor {
         Self { drives: drives.to_vec(), phi: phi.to_vec() }
     }
 
-    /// Writes what the efforts that friction of a drive takes move by, its columns by `slope` of the rate.
+    /// Returns the freedom that the load of a drive is that of.
+    pub(super) fn loaded_freedom(&self, drive: usize) -> Option<usize> {
+        self.drives.get(drive).and_then(|(drive, _)| drive.rates.last()).map(|(freedom, _)| *freedom)
+    }
+
+    /// Writes what an error of a drive's friction moves its efforts by, which carries `load`; nothing of
+    /// other errors.
     pub(super) fn friction_moves(
         &self,
-        drive: usize,
-        slope: fn(Term, f64) -> f64,
+        error: &SignalError,
+        load: f64,
         (input, frame): (&Input, &Frame),
         out: &mut [f64],
     ) {
-        let Some((drive, at)) = self.drives.get(drive).filter(|(drive, _)| !drive.stands) else { return };
-        let first = input.first_effort();
+        let (SignalError::FrictionSpeed(number)
+        | SignalError::FrictionShape(number)
+        | SignalError::FrictionDrift { drive: number, .. }
+        | SignalError::FrictionLoad(number)) = error
+        else {
+            return;
+        };
+        let Some((drive, at)) = self.drives.get(*number).filter(|(drive, _)| !drive.stands) else { return };
         let rate = drive.rate(&frame.rates);
-        let terms = drive.terms.iter().zip(self.phi.iter().skip(*at));
-        let moved: f64 = terms.map(|(term, phi)| phi * slope(*term, rate)).sum();
+        let sum = |of: &dyn Fn(Term) -> f64| -> f64 {
+            drive.terms.iter().zip(self.phi.iter().skip(*at)).map(|(term, phi)| phi * of(*term)).sum()
+        };
+        let moved = match error {
+            SignalError::FrictionSpeed(_) => sum(&|term| term.slope_by_speed(rate)),
+            SignalError::FrictionShape(_) => sum(&|term| term.slower(rate)),
+            SignalError::FrictionDrift { part, degree, .. } => {
+                input.drift(frame, *degree) * sum(&|term| part.column(term, rate))
+            }
+            _ => {
+                let direction = drive.terms.iter().map(|term| FrictionPart::Dry.column(*term, rate));
+                direction.sum::<f64>() * load.abs()
+            }
+        };
         for (freedom, factor) in &drive.rates {
-            out.iter_mut().skip(first + freedom).take(1).for_each(|v| *v = factor * moved);
+            out.iter_mut().skip(input.first_effort() + freedom).take(1).for_each(|v| *v = factor * moved);
         }
     }
 
@@ -55,7 +79,7 @@ impl Predictor {
         let channels = out.len() / 2;
         let first = input.first_effort();
         for (c, smoothed) in (first..channels).flat_map(|c| [(c, true), (c, false)]) {
-            let effort = rows::effort_of_drives(&self.drives, c - first, frame, smoothed, &self.phi);
+            let effort = effort_of_drives(&self.drives, c - first, frame, smoothed, &self.phi);
             out[c + if smoothed { 0 } else { channels }] += effort;
         }
     }

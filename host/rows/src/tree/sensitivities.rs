@@ -19,7 +19,6 @@ use rigident_shared::screening::Rejection;
 use rigident_shared::tree::{Joint, LinkState, TreeError};
 
 use super::contact::availability::Availability;
-use super::drive::Term;
 use super::instant::{Direction, Instant, Three};
 use super::neighbours::{Neighbours, Predictor};
 use super::rows::{BASE, RowMaker};
@@ -120,6 +119,23 @@ impl<'a> ErrorRows<'a> {
         Ok(())
     }
 
+    /// Returns the effort that links and rotor take of a drive in the frame that was brought last, as it is
+    /// predicted; what is measured has the friction in it. `room` is overwritten.
+    fn load(
+        &self,
+        sample: usize,
+        drive: usize,
+        neighbours: &mut Neighbours,
+        room: &mut [f64],
+    ) -> Result<f64, TreeError> {
+        let Some(freedom) = self.predictor.loaded_freedom(drive) else { return Ok(0.0) };
+        let (channel, channels) = (self.source.input().first_effort() + freedom, room.len() / 2);
+        self.slope(sample, neighbours, room)?;
+        let changing = room.get(channels + channel).copied().unwrap_or(0.0);
+        neighbours.instant().predict(room);
+        Ok(changing + room.get(channel).copied().unwrap_or(0.0))
+    }
+
     /// Writes the weights of the directions that an error moves.
     fn find_moves(
         &self,
@@ -182,6 +198,8 @@ impl<'a> ErrorRows<'a> {
             | SignalError::EffortDrift { .. }
             | SignalError::FrictionSpeed(_)
             | SignalError::FrictionShape(_)
+            | SignalError::FrictionDrift { .. }
+            | SignalError::FrictionLoad(_)
             | SignalError::FootZero { .. }
             | SignalError::FootGain { .. } => {}
         }
@@ -299,19 +317,18 @@ impl<'a> ErrorRows<'a> {
                 sum.iter_mut().skip(*channel).take(1).for_each(|v| *v = effort.unwrap_or(0.0));
             }
             SignalError::EffortDrift { channel, degree } => {
-                let drift = self.drift(frame, *degree);
+                let drift = self.source.input().drift(frame, *degree);
                 sum.iter_mut().skip(*channel).take(1).for_each(|v| *v = drift);
             }
-            SignalError::FrictionSpeed(drive) => {
-                self.predictor.friction_moves(
-                    *drive,
-                    Term::slope_by_speed,
-                    (self.source.input(), frame),
-                    sum,
-                );
+            SignalError::FrictionSpeed(_)
+            | SignalError::FrictionShape(_)
+            | SignalError::FrictionDrift { .. } => {
+                self.predictor.friction_moves(error, 0.0, (self.source.input(), frame), sum);
             }
-            SignalError::FrictionShape(drive) => {
-                self.predictor.friction_moves(*drive, Term::slower, (self.source.input(), frame), sum);
+            SignalError::FrictionLoad(drive) => {
+                let load = self.load(sample, *drive, neighbours, sum)?;
+                sum.fill(0.0);
+                self.predictor.friction_moves(error, load, (self.source.input(), frame), sum);
             }
             SignalError::FootZero { foot, component } | SignalError::FootGain { foot, component } => {
                 let is_gain = matches!(error, SignalError::FootGain { .. });
@@ -348,15 +365,6 @@ impl<'a> ErrorRows<'a> {
         let zeros = vec![0.0; frame.rates.len()];
         moving.set(&frame.positions, &frame.rates, &zeros, &frame.base)?;
         contact.availability(moving, frame).map(Some)
-    }
-
-    /// Returns a Legendre polynomial at a frame, of the time that goes from −1 to 1.
-    fn drift(&self, frame: &Frame, degree: u8) -> f64 {
-        let frames = &self.source.input().frames;
-        let time = |frame: Option<&Frame>| frame.map_or(0.0, |frame| frame.time_ns as f64 * 1e-9);
-        let (first, last) = (time(frames.first()), time(frames.last()));
-        let x = (2.0 * time(Some(frame)) - first - last) / (last - first).max(f64::MIN_POSITIVE);
-        if degree == 1 { x } else { 1.5 * x * x - 0.5 }
     }
 }
 

@@ -1,12 +1,13 @@
 //! From a recording and a model to frames: which columns are there, which are missing, what does not fit.
 //!
-//! Lives here: the order of these questions, and the frames. Their answers are in `joints`, `sensors`,
-//! `sources` and `agreement`.
+//! Lives here: the order of these questions, and the frames. Their answers are in `joints`, `rates`,
+//! `sensors`, `sources` and `agreement`.
 
 mod agreement;
 mod feet;
 mod frames;
 mod joints;
+mod rates;
 mod sensors;
 mod sources;
 
@@ -200,7 +201,6 @@ impl<'a> Preparation<'a> {
         let floating = recording.imus.first().is_some_and(|i| i.accel.is_some());
         let rate_hz = recording.rate_hz.unwrap_or(1.0);
         self.judge_gravity(&base, rate_hz)?;
-        let coordinates = self.coordinates(&columns.joints, rate_hz);
         columns.attitudes = recording
             .attitudes
             .iter()
@@ -209,6 +209,8 @@ impl<'a> Preparation<'a> {
         self.check_sources(&columns)?;
         self.note_unused_attitudes(&columns);
         self.judge_agreement(&columns, rate_hz)?;
+        self.leave_filtered_rates(&mut columns.joints, rate_hz);
+        let coordinates = self.coordinates(&columns.joints, rate_hz);
         let frames = self.frames(&columns, &coordinates, &base, &forces)?;
         let mut input = Input {
             model: self.model.clone(),
