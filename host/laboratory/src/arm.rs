@@ -34,6 +34,10 @@ pub struct ArmRun {
     pub friction: [f64; 3],
     /// Rate at which Coulomb friction has turned over by `1/√2`, rad/s or m/s; zero: it jumps.
     pub slip: f64,
+    /// Share of viscous and Coulomb friction that is gone when gears are warm, to 1/e in a third of the time.
+    pub warming: f64,
+    /// Growth of Coulomb friction by what links and rotor take.
+    pub load: f64,
     /// Rotor inertia of every joint, kg m² or kg.
     pub rotor: f64,
     /// 1 σ of positions, rad or m.
@@ -57,6 +61,8 @@ impl Default for ArmRun {
             home: Vec::new(),
             friction: [2.0, 4.0, 0.2],
             slip: 0.0,
+            warming: 0.0,
+            load: 0.0,
             rotor: 0.0,
             position_noise: 0.0,
             rate_noise: 0.0,
@@ -156,6 +162,7 @@ impl ArmRun {
             let t = row as f64 / self.rate_hz;
             let moves = moves(row);
             let part = |n: usize| moves.iter().map(|m| m[n]).collect::<Vec<f64>>();
+            let cold = 1.0 - self.warming * (1.0 - (-3.0 * row as f64 / rows as f64).exp());
             let truth = inverse_dynamics(model, &base, &part(0), &part(1), &part(2)).unwrap_or_default();
             for (k, (columns, [q, v, a])) in columns.iter_mut().zip(moves).enumerate() {
                 let [viscous, coulomb, offset] = self.friction_of(k);
@@ -164,11 +171,11 @@ impl ArmRun {
                 } else {
                     v / v.hypot(self.slip)
                 };
-                let effort = truth.get(6 + k).copied().unwrap_or(0.0)
-                    + viscous * v
-                    + coulomb * sign
+                let carried = truth.get(6 + k).copied().unwrap_or(0.0) + self.rotor * a;
+                let effort = carried
+                    + cold * viscous * v
+                    + (cold * coulomb + self.load * carried.abs()) * sign
                     + offset
-                    + self.rotor * a
                     + noise.normal(Self::share(k) * self.effort_noise);
                 let values =
                     [q + noise.normal(self.position_noise), v + noise.normal(self.rate_noise), effort];

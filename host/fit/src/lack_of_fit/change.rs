@@ -226,6 +226,10 @@ impl Search<'_> {
         let beside = Common::new(&bins, metrics, self.columns);
         let mut usual = 1.0_f64;
         beside.each(self.range(), |score| {
+            // Near to it a step explains what the bins leave of the largest itself.
+            if score.bin.abs_diff(largest.bin) <= NEAR {
+                return;
+            }
             let (square, rank) = self.explained(&beside, &score);
             usual = usual.max(square / rank.max(1) as f64);
         });

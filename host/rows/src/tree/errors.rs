@@ -18,6 +18,9 @@ use rigident_io::rig::classes::{LoadCellClass, rectangular};
 use rigident_io::rig::{ImuTable, RigFile, TreeClass};
 
 const AXES: [&str; 3] = ["x", "y", "z"];
+/// Factor of the second derivative that a low-pass of efforts has, 1 σ, over the square of their delay's: that
+/// of a delay of two standard deviations.
+const FILTERED: f64 = 4.0;
 
 /// An error of a signal: the truth is what is read, moved as said here.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,6 +39,9 @@ pub enum SignalError {
     },
     /// The signals are of an earlier time.
     Skew,
+    /// Efforts have gone through a low-pass: beside their delay the second derivative of what acts, by this
+    /// factor.
+    EffortFilter,
     /// Bias of a gyro.
     GyroBias {
         /// The link.
@@ -276,6 +282,14 @@ fn of_joints(input: &Input, rig: &RigFile, all: &mut Errors) {
     if has_positions && !input.is_static {
         let limit = if input.has_efforts() { limits.effort_skew_s } else { limits.skew_s };
         let known = source.of(None, tree.skew_std_s, "skew_std_s", limit);
+        if input.has_efforts() {
+            // A filter of first order that delays by τ has the factor τ², a delay and one of second order
+            // half of that.
+            let (sigma, basis) = (FILTERED * known.0.powi(2), known.1.clone());
+            let filter =
+                nuisance("effort_filter".to_owned(), "effort filter", "s2", (sigma, basis), Scope::Recording);
+            all.signal(filter, SignalError::EffortFilter);
+        }
         all.signal(
             nuisance("time_skew".to_owned(), "time skew", "s", known, Scope::Recording),
             SignalError::Skew,

@@ -36,7 +36,7 @@ pub(super) fn found(mut input: Input, base: &BaseParameters) -> Result<Input, Tr
     if input.is_static
         || !input.has_efforts()
         || input.contact.is_some()
-        || !input.drives.iter().any(has_friction)
+        || !input.drives.iter().any(is_sought)
     {
         return Ok(input);
     }
@@ -52,9 +52,12 @@ pub(super) fn found(mut input: Input, base: &BaseParameters) -> Result<Input, Tr
     let search = Search { source: &source, factors: factors.as_ref() };
     let mut others = Vec::new();
     for (k, (drive, rate)) in input.drives.iter_mut().zip(&rates).enumerate() {
+        let Some(term) = drive.terms.iter_mut().find(|term| **term == Term::Coulomb(None)) else {
+            others.push(None);
+            continue;
+        };
         let (speed, columns) = search.best(k, *rate);
-        others.push(columns);
-        let Some(term) = drive.terms.iter_mut().find(|term| **term == Term::Coulomb(None)) else { continue };
+        others.push(Some(columns));
         *term = Term::Coulomb(Some(speed));
         if speed > 0.0 {
             let unknown = [
@@ -88,10 +91,6 @@ fn nuisance(drive: &str, word: &str, sigma: f64, number: usize) -> Nuisance {
 
 fn is_sought(drive: &Drive) -> bool {
     drive.terms.contains(&Term::Coulomb(None))
-}
-
-fn has_friction(drive: &Drive) -> bool {
-    drive.terms.iter().any(|term| matches!(term, Term::Viscous | Term::Coulomb(_)))
 }
 
 /// Returns a jump, and the speeds that are tried of a drive of some usual rate.

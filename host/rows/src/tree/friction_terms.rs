@@ -75,12 +75,13 @@ fn columns(input: &Input, frame: &Frame, drive: &Drive, usual: f64) -> [f64; COL
     [line * rate, curve * rate, line * dry, curve * dry, drive.load(&frame.efforts).abs() * dry]
 }
 
-/// Adds the errors of drives that the efforts of `tried` show beside `others`, the columns of each drive that
-/// explain them best; further columns follow the first `count`.
-pub(super) fn add(input: &mut Input, factors: &EffortFactors, count: usize, others: &[Vec<usize>]) {
-    let drives = input.drives.iter().zip(others).enumerate();
+/// Adds the errors of drives that their efforts show beside `others`, the columns of each drive that explain
+/// them best, `None` of one whose law is stated; further columns follow the first `count`.
+pub(super) fn add(input: &mut Input, factors: &EffortFactors, count: usize, others: &[Option<Vec<usize>>]) {
+    let drives = input.drives.iter().zip(others).enumerate().filter(|(_, (drive, _))| !drive.stands);
     let mut found = Vec::new();
-    for (k, (drive, others)) in drives.filter(|(_, (drive, _))| !drive.stands) {
+    for (k, (drive, others)) in drives.filter_map(|(k, (drive, others))| Some((k, (drive, others.as_ref()?))))
+    {
         let freedoms = drive.rates.iter().map(|(freedom, _)| *freedom);
         let first = count + COLUMNS * k;
         let drift: Vec<usize> = (first..first + COLUMNS - 1).collect();

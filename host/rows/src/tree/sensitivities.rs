@@ -99,8 +99,9 @@ impl<'a> ErrorRows<'a> {
         done
     }
 
-    /// Writes the derivative by time of the predictions of a frame.
-    fn slope(&self, sample: usize, neighbours: &mut Neighbours, out: &mut [f64]) -> Result<(), TreeError> {
+    /// Returns a frame, that before and that after it, itself in place of one beyond a gap; and the time from
+    /// the second to the third, s.
+    fn around(&self, sample: usize) -> ([usize; 3], f64) {
         let input = self.source.input();
         let time = |k: usize| input.frames.get(k).map_or(0.0, |frame| frame.time_ns as f64 * 1e-9);
         let near = |other: Option<usize>| {
@@ -108,13 +109,34 @@ impl<'a> ErrorRows<'a> {
             other.filter(|k| *k < input.frames.len() && is_near(k)).unwrap_or(sample)
         };
         let (before, after) = (near(sample.checked_sub(1)), near(Some(sample + 1)));
-        let span = time(after) - time(before);
         // The frame itself will be a neighbour of the next one.
-        let [_, own_before, own_after] =
-            neighbours.predict([sample, before, after], &self.predictor, input)?;
+        ([sample, before, after], time(after) - time(before))
+    }
+
+    /// Writes the derivative by time of the predictions of a frame.
+    fn slope(&self, sample: usize, neighbours: &mut Neighbours, out: &mut [f64]) -> Result<(), TreeError> {
+        let (samples, span) = self.around(sample);
+        let [_, own_before, own_after] = neighbours.predict(samples, &self.predictor, self.source.input())?;
         if span > 0.0 {
             let pairs = own_after.iter().zip(own_before);
             out.iter_mut().zip(pairs).for_each(|(to, (a, b))| *to = (a - b) / span);
+        }
+        Ok(())
+    }
+
+    /// Writes the second derivative by time of the predicted efforts of a frame.
+    fn bend(&self, sample: usize, neighbours: &mut Neighbours, out: &mut [f64]) -> Result<(), TreeError> {
+        let (samples, span) = self.around(sample);
+        let first = self.source.input().first_effort();
+        let channels = (out.len() / 2).max(1);
+        let [own, own_before, own_after] =
+            neighbours.predict(samples, &self.predictor, self.source.input())?;
+        if samples[1] == sample || samples[2] == sample {
+            return Ok(());
+        }
+        let all = out.iter_mut().zip(own.iter().zip(own_before.iter().zip(own_after))).enumerate();
+        for (_, (to, (here, (before, after)))) in all.filter(|(c, _)| c % channels >= first) {
+            *to = 4.0 * (after - 2.0 * here + before) / (span * span);
         }
         Ok(())
     }
@@ -193,6 +215,7 @@ impl<'a> ErrorRows<'a> {
                 }
             }
             SignalError::Skew
+            | SignalError::EffortFilter
             | SignalError::EffortOffset(_)
             | SignalError::EffortGain(_)
             | SignalError::EffortDrift { .. }
@@ -309,6 +332,7 @@ impl<'a> ErrorRows<'a> {
         sum.fill(0.0);
         match error {
             SignalError::Skew => self.slope(sample, neighbours, sum)?,
+            SignalError::EffortFilter => self.bend(sample, neighbours, sum)?,
             SignalError::EffortOffset(channel) => {
                 sum.iter_mut().skip(*channel).take(1).for_each(|v| *v = 1.0)
             }
