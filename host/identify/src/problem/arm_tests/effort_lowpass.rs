@@ -8,10 +8,10 @@ use rigident_laboratory::arm::ArmRun;
 use rigident_laboratory::trees::{seven_axes, truth};
 use rigident_rows::tree::drive::Friction;
 
-/// y of `y + ẏ/ω = x`, ω warped to the rate.
-fn lowpass(recording: &mut Recording, cutoff_hz: f64) {
+/// y of `y + ẏ/ω = x`, ω warped to the rate, of columns that end so.
+pub(super) fn lowpass(recording: &mut Recording, end: &str, cutoff_hz: f64) {
     let c = (std::f64::consts::PI * cutoff_hz / recording.rate_hz.unwrap()).tan();
-    for (_, cells) in recording.extra.iter_mut().filter(|(name, _)| name.ends_with("_nm")) {
+    for (_, cells) in recording.extra.iter_mut().filter(|(name, _)| name.ends_with(end)) {
         let x: Vec<f64> = cells.iter().map(|cell| cell.parse().unwrap()).collect();
         let mut y = x[0];
         for k in 1..x.len() {
@@ -25,7 +25,7 @@ fn lowpass(recording: &mut Recording, cutoff_hz: f64) {
 fn errors(run: &ArmRun, said_hz: Option<f64>) -> Vec<f64> {
     let model = seven_axes();
     let mut recording = run.recording(&model);
-    lowpass(&mut recording, 10.0);
+    lowpass(&mut recording, "_nm", 10.0);
     let names = model.links.iter().skip(1).map(|link| link.joint_name.clone());
     let table = |name| JointTable { name, effort_lowpass_hz: said_hz, ..JointTable::default() };
     recording.rig.joint = names.map(table).collect();
