@@ -49,7 +49,8 @@ fn assert_inside(errors: &[f64]) {
     assert!(outside <= 5 && errors.iter().all(|error| error.abs() < 1.8), "{errors:.2?}");
 }
 
-/// Friction that falls by a tenth is that, and a third of the last link that gets lost meanwhile is a change of a body.
+/// Friction that falls by a tenth is that; a third of the last link that gets lost meanwhile is a change of a
+/// body.
 #[test]
 fn friction_that_falls_is_no_change_and_a_loss_is_one() {
     let run = ArmRun { warming: 0.1, ..run() };
