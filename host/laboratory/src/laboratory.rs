@@ -420,7 +420,7 @@ mod tests {
     use crate::person::somebody;
     use rigident_fit::{FitOptions, Silent};
     use rigident_model::human::Person as Standard;
-    use rigident_people::body_segments::tool::tool;
+    use rigident_people::body_segments::tool::{Compared, holding};
     use rigident_people::body_segments::{Study, StudyOptions};
     use rigident_people::person::{PeopleOptions, Person};
 
@@ -460,12 +460,14 @@ mod tests {
         let mut trials: Vec<Trial> = (0..2).map(|k| with.trial(&format!("with {k}"), &SHORT, k)).collect();
         trials.extend((0..2).map(|k| without.trial(&format!("without {k}"), &SHORT, 10 + k)));
         let own_markers = with.clusters().clone();
-        let options = PeopleOptions { own_markers, plates_zeroed: true, ..PeopleOptions::default() };
+        let options =
+            PeopleOptions { own_markers, plates_zeroed: true, holding_first: 2, ..PeopleOptions::default() };
         let standing = without.standing(&SHORT, 1);
         let person = Person::new(&mut trials, Some(&standing), &options, &|_, _| {}).unwrap();
-        let [held, mut empty] = [[0, 1], [2, 3]].map(|which| {
+        let link = holding(&person, "r_hand").unwrap();
+        let [held, mut empty] = [([0, 1], Some(link)), ([2, 3], None)].map(|(which, link)| {
             let options = (StudyOptions::default(), FitOptions::default());
-            Study::new(&person, &which, &options.0, &options.1, &Silent).unwrap()
+            Study::holding(&person, &which, &options.0, &options.1, &Silent, link).unwrap()
         });
         empty.draw(&person, &trials, &Silent).unwrap();
         let fit = empty.with_calibration(empty.together(&[0, 1]).unwrap(), &[0, 1]);
@@ -475,11 +477,12 @@ mod tests {
         let scale = 1.96 * 0.01 * 2.0_f64.sqrt() * kg;
         let beside = (mass.u95 * mass.u95 - scale * scale).max(0.0).sqrt();
         assert!((mass.value - kg).abs() < mass.u95 && beside < 0.01 * kg, "{mass:?} {kg} {beside}");
-        let found = tool(&held, &empty, "r_hand", "racket").unwrap();
+        let both = Compared { person: &person, trials: &trials, with: &held, without: &empty };
+        let found = both.tool("r_hand", "racket", &|_| {}).unwrap();
         assert!((found.mass_kg.value - 0.33).abs() < found.mass_kg.u95, "{found:?}");
         assert!(found.mass_kg.u95 < 0.1 && found.inertia_kgm2[0].u95 < 0.03, "{found:?}");
         assert!((found.inertia_kgm2[0].value - 0.05).abs() < found.inertia_kgm2[0].u95, "{found:?}");
-        let said = tool(&held, &empty, "tail", "racket").unwrap_err().to_string();
+        let said = both.tool("tail", "racket", &|_| {}).unwrap_err().to_string();
         assert!(said.contains("there is no such link") && said.contains("r_hand"), "{said}");
     }
 

@@ -10,7 +10,7 @@ use rigident::model::base::base_parameters;
 use rigident::model::human::Person as Standard;
 use rigident::motion_capture::trial::Trial;
 use rigident::people::body_segments::left_out::left_out;
-use rigident::people::body_segments::tool::tool;
+use rigident::people::body_segments::tool::{Compared, holding};
 use rigident::people::body_segments::{Study, StudyOptions};
 use rigident::people::inverse_kinematics::subject::HumanModel;
 use rigident::people::person::{PeopleOptions, Person};
@@ -186,15 +186,19 @@ pub fn racket_table() -> String {
         let options = PeopleOptions {
             own_markers: without.somebody.clusters().clone(),
             plates_zeroed: true,
+            holding_first: trials.len() / 2,
             ..PeopleOptions::default()
         };
         let person = Person::new(&mut trials, Some(&standing), &options, &|_, _| {}).expect("a person");
         let count = trials.len() / 2;
-        let studies = [(0..count).collect::<Vec<_>>(), (count..trials.len()).collect()].map(|which| {
-            Study::new(&person, &which, &StudyOptions::default(), &FitOptions::default(), &Silent)
-                .expect("motions")
+        let link = holding(&person, "r_hand").expect("a hand");
+        let [with, without] = [(0..count, Some(link)), (count..trials.len(), None)].map(|(which, link)| {
+            let which: Vec<usize> = which.collect();
+            let options = StudyOptions::default();
+            Study::holding(&person, &which, &options, &FitOptions::default(), &Silent, link).expect("motions")
         });
-        let found = tool(&studies[0], &studies[1], "r_hand", "racket").expect("a tool");
+        let both = Compared { person: &person, trials: &trials, with: &with, without: &without };
+        let found = both.tool("r_hand", "racket", &|_| {}).expect("a tool");
         let all: Vec<Measured> =
             std::iter::once(found.mass_kg).chain(found.first_moment_kgm).chain(found.inertia_kgm2).collect();
         let inside = all.iter().zip(RACKET).filter(|(m, v)| (m.value - v).abs() <= m.u95).count();

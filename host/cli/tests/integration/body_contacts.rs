@@ -11,7 +11,7 @@ use super::simulated_people::{
     Carried, Files, Gait, Posture, Somebody, drop_carried, drop_jump, on_the_seat, ramp, rising, upright,
 };
 
-const BODY: Somebody = Somebody { height_m: 1.72, mass_kg: 68.0, skin_m: 0.01, plate_n: 1.0 };
+const BODY: Somebody = Somebody { height_m: 1.72, mass_kg: 68.0, skin_m: 0.01, plate_n: 1.0, held: None };
 
 fn write(folder: &Path, name: &str, files: &Files) {
     std::fs::write(folder.join(format!("{name}.trc")), &files.trc).unwrap();
@@ -128,10 +128,10 @@ fn a_stature_is_that_of_an_upright_frame_or_not_claimed() {
     let height_m = result["person"]["height_m"].as_f64().unwrap_or_else(|| panic!("{said}"));
     assert!((height_m / BODY.height_m - 1.0).abs() < 0.08, "{height_m}");
     assert!(!result["warnings"].to_string().contains("upright in no frame"), "{}", result["warnings"]);
-    // She sits all the time: whether that is refused or not, no stature is claimed.
+    // She sits all the time: her legs do not tell how tall she is.
     let sits = BODY.recorded(2.0, &|_| rising(&BODY, 6.0)(0.4), &|_| Carried::Seat(-0.30));
-    let (code, result, said) = alone(&sits, &[]);
-    assert!(code == 2 || result["warnings"].to_string().contains("upright in no frame"), "{result} {said}");
+    let (code, _, said) = alone(&sits, &[]);
+    assert!(code == 2 && said.contains("upright in no frame") && said.contains("--height-m"), "{said}");
 }
 
 #[test]
@@ -145,6 +145,38 @@ fn a_stature_that_is_not_the_markers_is_named_with_both() {
         let (code, _, said) = alone(&squats, &["--height-m", given]);
         assert!(code == 2 && said.contains(words), "{said}");
     }
+}
+
+#[test]
+fn a_tool_in_the_hand_is_told_from_the_person() {
+    let held = (5.0, [0.02, 0.0, -0.2], 0.15);
+    let folder = tempfile::tempdir().unwrap();
+    let works = |t: f64| {
+        let swing = |hz: f64, begin: f64| (2.0 * PI * hz * t + begin).sin();
+        let mut p = squat(0.6 * t);
+        p.arms = [0.5 + 0.4 * swing(0.7, 0.0), 0.5 + 0.4 * swing(0.55, 1.0)];
+        p.elbows = [0.8 + 0.4 * swing(0.45, 2.0), 0.8 + 0.5 * swing(0.8, 0.5)];
+        p
+    };
+    write(folder.path(), "standing", &BODY.recorded(1.0, &|_| upright(&BODY), &|_| Carried::Both));
+    write(folder.path(), "bare", &BODY.recorded(5.0, &works, &|_| Carried::Both));
+    let with = Somebody { held: Some(held), ..BODY };
+    write(folder.path(), "with", &with.recorded(5.0, &works, &|_| Carried::Both));
+    let mut command = Command::new(env!("CARGO_BIN_EXE_rigident"));
+    command.current_dir(folder.path()).args(["body", "identify", "with.trc", "--static", "standing.trc"]);
+    command.args(["--tool", "drill", "--tool-link", "r_hand", "--tare", "bare.trc", "--plates-zeroed"]);
+    let output = command.args(["--height-m", "1.72", "--json", "--out", "out"]).output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    let result: Value = serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{said}"));
+    // The person is she without it.
+    weighs(&result, 3.0);
+    let tool = &result["person"]["tool"];
+    let inside = |found: &Value, true_value: f64, widest: f64| {
+        let (value, u95) = (found["value"].as_f64().unwrap(), found["u95"].as_f64().unwrap());
+        assert!((value - true_value).abs() < u95 && u95 < widest, "{true_value}: {tool}");
+    };
+    inside(&tool["mass_kg"], held.0, 1.0);
+    inside(&tool["com_m"][2], held.1[2], 0.3);
 }
 
 #[test]
@@ -187,6 +219,15 @@ fn who_runs_loses_no_frame_because_a_foot_is_in_the_air_or_on_its_toe() {
     let slow = Gait { speed_mps: 2.5, step_s: 0.36, stance_s: 0.25 };
     let fast = Gait { speed_mps: 4.0, step_s: 0.32, stance_s: 0.16 };
     for gait in [slow, fast] {
+        // A plate under one step of each foot alone: the steps before and after it are on the floor.
+        let two = |t: f64| (2..4).contains(&((t / gait.step_s) as i32)).then(|| gait.carried(t));
+        let carried = |t: f64| two(t).unwrap_or(Carried::Elsewhere);
+        let (code, result, said) = identified(2.5, &|t| gait.posture(&BODY, t), &carried);
+        assert_eq!(code, 0, "{said}");
+        let trial = &result["person"]["trials"][0];
+        assert!(trial["dropped"].to_string().contains("a foot is on the floor beside the plates"), "{trial}");
+        assert_eq!(contacts(&result).len(), 0, "{trial}");
+        weighs(&result, 10.0);
         let (code, result, said) = identified(2.5, &|t| gait.posture(&BODY, t), &|t| gait.carried(t));
         assert_eq!(code, 0, "{said}");
         let trial = &result["person"]["trials"][0];

@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use super::simulated_people::{Carried, Somebody, upright};
 
-const BODY: Somebody = Somebody { height_m: 1.72, mass_kg: 68.0, skin_m: 0.01, plate_n: 1.0 };
+const BODY: Somebody = Somebody { height_m: 1.72, mass_kg: 68.0, skin_m: 0.01, plate_n: 1.0, held: None };
 
 /// Returns the same markers as a CSV of Motive: labelled ones, a fragment, and a solved body beside them.
 fn motive(trc: &str) -> String {

@@ -28,6 +28,8 @@ pub(crate) struct Somebody {
     pub skin_m: f64,
     /// 1 σ of a force channel, N.
     pub plate_n: f64,
+    /// A thing in the right hand: its mass, kg, its centre in the hand and its radius of gyration about y, m.
+    pub held: Option<(f64, [f64; 3], f64)>,
 }
 
 /// The posture of a person at an instant; turns about y, rad, a bend forward positive.
@@ -148,6 +150,11 @@ impl Somebody {
                 one("foot", k + 4, [0.0, 0.0, -shank], 0.011, [0.05, 0.0, -0.5 * ankle], 0.07),
             ]);
         }
+        let right_hand = all.iter().rposition(|segment| segment.name == "hand").unwrap_or(0);
+        all.extend(
+            self.held
+                .map(|(kg, at, radius)| one("held", right_hand, [0.0; 3], kg / self.mass_kg, at, radius)),
+        );
         all
     }
 
@@ -167,8 +174,10 @@ impl Somebody {
             let upper = p.trunk - p.arms[side];
             [upper, upper - p.elbows[side], upper - p.elbows[side]]
         };
-        let turns = [[p.pelvis, p.trunk, p.trunk].to_vec(), arm(0).into(), l.into(), arm(1).into(), r.into()]
-            .concat();
+        let held = vec![arm(1)[2]];
+        let turns =
+            [[p.pelvis, p.trunk, p.trunk].to_vec(), arm(0).into(), l.into(), arm(1).into(), r.into(), held]
+                .concat();
         let mut all: Vec<Place> = Vec::new();
         for (k, segment) in self.segments().iter().enumerate() {
             let at = match k {
@@ -187,8 +196,9 @@ impl Somebody {
     /// The centre of mass, x and z.
     pub(crate) fn centre(&self, p: &Posture) -> [f64; 2] {
         let all = self.centres(p);
+        let whole: f64 = self.segments().iter().map(|s| s.mass).sum();
         let sum = |k: usize| all.iter().zip(self.segments()).map(|(c, s)| s.mass * c[k]).sum::<f64>();
-        [sum(0), sum(2)]
+        [sum(0), sum(2)].map(|v| v / whole)
     }
 
     /// Returns a posture with the hips where the centre of mass is at a place.
@@ -258,13 +268,17 @@ impl Somebody {
             _ if all[2].abs() > 20.0 => (-all[4] / all[2]).clamp(ankle(0) - 0.1, ankle(0) + 0.25),
             _ => 0.0,
         };
+        // What is held in one hand presses on that side.
+        let aside = if self.held.is_some() { all[3] / (2.0 * p.beside * all[2]) } else { 0.0 };
+        let free = if self.held.is_some() { all[5] + all[3] / all[2] * all[0] } else { 0.0 };
         let of = |foot: usize| {
             let share = match carried {
                 Carried::One(own, _) => f64::from(u8::from(own == foot)),
-                _ => 0.5,
+                _ if foot == 0 => 0.5 + aside,
+                _ => 0.5 - aside,
             };
             let y = if foot == 0 { p.beside } else { -p.beside };
-            [share * all[0], share * all[2], x, y, 0.0]
+            [share * all[0], share * all[2], x, y, free / 2.0]
         };
         ([of(0), of(1)], hidden)
     }
@@ -320,7 +334,9 @@ impl Somebody {
                 let (px, py) = if fz > 20.0 { (px, py) } else { (0.0, 0.0) };
                 let _ = write!(mot, "\t{fx:.4}\t{fz:.4}\t{:.4}\t{px:.5}\t0\t{:.5}", -fy, -py);
             }
-            mot += "\t0\t0\t0\t0\t0\t0";
+            for [.., free] in feet {
+                let _ = write!(mot, "\t0\t{free:.4}\t0");
+            }
         }
         Files { trc, mot: mot + "\n" }
     }
@@ -349,6 +365,7 @@ impl Somebody {
             own("Bicep", "upper_arm", [0.04, 0.02, -0.09 * h]);
             own("Wrist.Lat", "hand", [0.03, 0.0, 0.0]);
             own("Wrist.Med", "hand", [-0.03, 0.0, 0.0]);
+            own("Hand", "hand", [0.0, 0.02, -0.08]);
             own("Thigh.Upper", "thigh", [0.03, 0.08, -0.1 * h]);
             own("Thigh.Front", "thigh", [0.07, 0.03, -0.15 * h]);
             own("Knee.Lat", "thigh", [0.0, 0.055, -0.247 * h]);

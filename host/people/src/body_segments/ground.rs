@@ -15,10 +15,10 @@ use rigident_fit::{Factor, RowSource as _, Silent, parallel, plain_factor};
 use rigident_rows::tree::{UnknownZero, with_wrenches};
 
 /// 1 σ of a plate's tilt against the cameras' vertical, about x and about y, rad: half a degree (assumed).
-const TILT: f64 = 0.5 * std::f64::consts::PI / 180.0;
+pub(super) const TILT: f64 = 0.5 * std::f64::consts::PI / 180.0;
 /// 1 σ of a plate's place, along x and along y, m (assumed): that of its corners, and of its centres of
 /// pressure.
-const PLACE_M: f64 = 0.007;
+pub(super) const PLACE_M: f64 = 0.007;
 /// Of more motions than these some answer for their neighbours.
 const LOOKED_AT: usize = 12;
 
@@ -116,6 +116,22 @@ impl GroundErrors {
         solved.unwrap_or(sum)
     }
 
+    /// Returns `RᵀR X σ` of all motions, one column an error: what it adds to the right-hand side of the normal
+    /// equations.
+    pub(super) fn scores(&self, motions: &[Motion]) -> DMatrix<f64> {
+        let n = motions.first().map_or(0, |motion| motion.pooled.factor().parameters());
+        let mut sum = DMatrix::zeros(n, self.kinds.len());
+        for (motion, (columns, moved)) in motions.iter().zip(&self.moved) {
+            let r = motion.pooled.factor().r();
+            let own = r.transpose() * (&r * moved);
+            for (column, own) in columns.iter().zip(own.column_iter()) {
+                let mut to = sum.column_mut(*column);
+                to += own;
+            }
+        }
+        sum
+    }
+
     /// Returns the columns of one kind of errors.
     pub(super) fn of_kind(&self, kind: usize, moved: &DMatrix<f64>) -> DMatrix<f64> {
         let own: Vec<usize> = (0..moved.ncols()).filter(|k| self.kinds.get(*k) == Some(&kind)).collect();
@@ -172,7 +188,7 @@ fn wrenches(tracked: &Tracked, frame: usize) -> Vec<[f64; 6]> {
 
 /// Returns the change of a wrench about the origin, per radian, when the plate's axes are turned about x or y
 /// through its middle.
-fn tilted([fx, fy, fz, mx, my, mz]: &[f64; 6], middle_m: [f64; 3], axis: usize) -> [f64; 6] {
+pub(super) fn tilted([fx, fy, fz, mx, my, mz]: &[f64; 6], middle_m: [f64; 3], axis: usize) -> [f64; 6] {
     let (turn, at) = (Vector3::ith(axis, 1.0), Vector3::from(middle_m));
     let (force, moment) = (Vector3::new(*fx, *fy, *fz), Vector3::new(*mx, *my, *mz));
     let change = turn.cross(&force);

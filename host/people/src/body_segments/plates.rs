@@ -2,8 +2,9 @@
 //! its scale.
 //!
 //! Of each trial the rows have columns beside the parameters: of plate p a shift `s × F_p` along x and y, its
-//! scale `F_p, M_p`, and the zero of a plate that was always loaded. They are estimated together with the
-//! parameters and the table; centres of pressure under the feet are further rows of the shifts. A scale that
+//! scale `F_p, M_p`, its tilt about x and y, and the zero of a plate that was always loaded. A plate that leans
+//! by half a degree has a load 8 mm beside that of a level one. They are estimated together with the parameters
+//! and the table; centres of pressure under the feet are further rows of the shifts. A scale that
 //! all plates share is one with the mass, so plates are compared.
 
 use std::ops::Range;
@@ -11,9 +12,11 @@ use std::ops::Range;
 use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
 
 use super::error::StudyError;
+use super::ground::{PLACE_M, TILT, tilted};
 use super::motion::{MOST_FRAMES, Motion};
 use super::study::{Study, known};
 use crate::person::noise::{RowSums, sigma};
+use crate::person::track::UsedPlate;
 use crate::person::{Footprint, Person, Tracked, footprints};
 use rigident_fit::{Factor, Gaussian, OtherColumns, Silent, plain_factor};
 use rigident_rows::tree::{TreeSource, UnknownZero, with_wrenches};
@@ -36,9 +39,6 @@ const CARRIES_N: f32 = 100.0;
 const SURPRISING: f64 = 1e-3;
 /// A value farther from its mean than this is significant, standard deviations of either sign.
 const SURPRISING_SD: f64 = 3.29;
-/// Laboratories place plates, and plates find centres of pressure, to some millimetres: less than this is not
-/// reported, m.
-const LEAST_SHIFT_M: f64 = 0.01;
 /// Plates are calibrated to about 1 %: two that differ by less than this are not reported.
 const LEAST_SCALE: f64 = 0.02;
 
@@ -52,10 +52,12 @@ pub struct Shift {
 }
 
 impl Shift {
-    /// Returns it if it is no chance: by χ² with two degrees of freedom, whose tail is `exp(−χ²/2)`.
+    /// Returns it if it is neither chance nor what intervals count for every plate: by χ² with two degrees of
+    /// freedom, whose tail is `exp(−χ²/2)`.
     pub fn if_significant(self) -> Option<Self> {
-        let chi2 = self.value_m.dot(&(self.covariance.try_inverse()? * self.value_m));
-        (chi2 > -2.0 * SURPRISING.ln() && self.value_m.norm() > LEAST_SHIFT_M).then_some(self)
+        let counted = self.covariance + Matrix2::identity() * PLACE_M.powi(2);
+        let chi2 = self.value_m.dot(&(counted.try_inverse()? * self.value_m));
+        (chi2 > -2.0 * SURPRISING.ln()).then_some(self)
     }
 }
 
@@ -181,7 +183,7 @@ fn of_trial(
 /// differ, 1 σ.
 fn beforehand(table: &Gaussian, tracked: &Tracked, scale: f64) -> Option<Gaussian> {
     let (n, plates) = (table.names().len(), tracked.plates.len());
-    let all = n + EACH * plates + 6 * tracked.unzeroed.len();
+    let all = n + more_columns(tracked);
     let mut covariance = DMatrix::zeros(all, all);
     covariance.view_mut((0, 0), (n, n)).copy_from(table.covariance());
     for a in 0..plates {
@@ -193,11 +195,10 @@ fn beforehand(table: &Gaussian, tracked: &Tracked, scale: f64) -> Option<Gaussia
                 scale.powi(2) * (same - 1.0 / plates as f64) + MEAN_SCALE.powi(2);
         }
     }
-    for (z, zero) in tracked.unzeroed.iter().enumerate() {
-        for k in 0..6 {
-            let at = n + EACH * plates + 6 * z + k;
-            covariance[(at, at)] = zero.sigmas()[k].powi(2);
-        }
+    let tilts = std::iter::repeat_n(TILT, 2 * plates);
+    let others = tilts.chain(tracked.unzeroed.iter().flat_map(UnknownZero::sigmas));
+    for (at, sigma) in (n + EACH * plates..).zip(others) {
+        covariance[(at, at)] = sigma.powi(2);
     }
     let more = (n..all).map(|k| format!("plate error {k}"));
     let names = table.names().iter().cloned().chain(more).collect();
@@ -221,22 +222,30 @@ fn add_footprints(all: &mut Factor, n: usize, prints: &[Footprint]) {
     }
 }
 
+/// Returns the number of columns of a trial's errors.
+fn more_columns(tracked: &Tracked) -> usize {
+    (EACH + 2) * tracked.plates.len() + 6 * tracked.unzeroed.len()
+}
+
 /// Returns the rows of some frames of a trial, from one on, with the columns of its plates behind the
 /// parameters.
 fn with_plates<'a>(source: &'a TreeSource, tracked: &'a Tracked, first: usize) -> OtherColumns<'a> {
-    let more = EACH * tracked.plates.len() + 6 * tracked.unzeroed.len();
-    with_wrenches(source, more, move |sample| errors(tracked, first + sample))
+    with_wrenches(source, more_columns(tracked), move |sample| errors(tracked, first + sample))
 }
 
 /// Returns what errors of unit size add to the ground's wrench about the laboratory's origin in a frame, in
 /// the order of the columns.
 fn errors(tracked: &Tracked, frame: usize) -> Vec<[f64; 6]> {
     let mut all = Vec::new();
+    let measured = |plate: &UsedPlate| plate.wrench.get(frame).map_or([0.0; 6], |w| w.map(f64::from));
     for plate in &tracked.plates {
-        let own = plate.wrench.get(frame).map_or([0.0; 6], |w| w.map(f64::from));
+        let own = measured(plate);
         let [x, y, z, ..] = own;
         // s × F
         all.extend([[0.0, 0.0, 0.0, 0.0, -z, y], [0.0, 0.0, 0.0, z, 0.0, -x], own]);
+    }
+    for plate in &tracked.plates {
+        all.extend([0, 1].map(|axis| tilted(&measured(plate), plate.middle_m, axis)));
     }
     all.extend(tracked.unzeroed.iter().flat_map(UnknownZero::wrenches));
     all
@@ -245,6 +254,17 @@ fn errors(tracked: &Tracked, frame: usize) -> Vec<[f64; 6]> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_plate_is_accused_of_more_than_laboratories_are_off() {
+        let of = |x: f64, y: f64| Shift {
+            value_m: Vector2::new(x, y),
+            covariance: Matrix2::identity() * 0.002_f64.powi(2),
+        };
+        // 5 mm along each, as found.
+        assert!(of(0.005, 0.012).if_significant().is_none());
+        assert!(of(0.0, 0.04).if_significant().is_some());
+    }
 
     #[test]
     fn scales_that_leave_more_of_the_vertical_force_accuse_no_plate() {

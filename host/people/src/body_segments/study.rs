@@ -2,9 +2,9 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
-use super::calibration::draws;
+use super::calibration::{Drawn, draws, factor_as};
 use super::error::StudyError;
 use super::ground::{GroundErrors, KINDS, LEVELS, PlateScale};
 use super::motion::{FEWEST_FRAMES, Motion, Part, Parts, parts, source};
@@ -78,6 +78,9 @@ fn nothing_stated(mut fit: Fit) -> Fit {
     fit.lack_of_fit = LackOfFit::default();
     fit
 }
+
+/// Joint centres and marker places, by their name in the budget.
+const JOINTS: &str = "joint centres";
 
 /// A motion whose mass differs from that of all by more than this share, …
 const OTHER_MASS: f64 = 0.01;
@@ -157,6 +160,21 @@ impl Study {
         fit_options: &FitOptions,
         progress: &(dyn Progress + Sync),
     ) -> Result<Self, StudyError> {
+        Self::holding(person, which, options, fit_options, progress, None)
+    }
+
+    /// Returns the study of trials in which a link holds something that nothing is known of.
+    ///
+    /// # Errors
+    /// [`StudyError`] if nothing can be used.
+    pub fn holding(
+        person: &Person,
+        which: &[usize],
+        options: &StudyOptions,
+        fit_options: &FitOptions,
+        progress: &(dyn Progress + Sync),
+        link: Option<usize>,
+    ) -> Result<Self, StudyError> {
         let (parts, mut left) = parts(person, which, options.parts)?;
         let Some(Part { trial, frames, .. }) = parts.first() else {
             return Err(StudyError::NoFrames(left.join("; ")));
@@ -166,6 +184,7 @@ impl Study {
         options.spread =
             options.spread.about(person.subject.person.sex, person.height_sigma, options.symmetric);
         let open = table(person, first.base(), &options.spread)?;
+        let open = link.map_or_else(|| open.clone(), |link| with_something(&open, first.base(), link));
         let done = AtomicUsize::new(0);
         let one = || {
             let done = done.fetch_add(1, Ordering::Relaxed);
@@ -219,9 +238,15 @@ impl Study {
         progress: &(dyn Progress + Sync),
     ) -> Result<(), StudyError> {
         let redraw = |study: &mut Self| -> Result<(), StudyError> {
-            study.draws = draws(person, trials, &study.motions, &known(&study.table), &|share| {
-                progress.stage("joint centres' uncertainty", share);
-            })?;
+            let beforehand = known(&study.table);
+            let solved = |drawn: &Drawn| {
+                let mut all = beforehand.clone();
+                let rows = factor_as(drawn, person, trials, &study.motions)?;
+                rows.iter().for_each(|rows| all.merge(rows));
+                Ok(DVector::from_vec(all.solve(f64::EPSILON).estimate))
+            };
+            let shown = |share| progress.stage("joint centres' uncertainty", share);
+            study.draws = draws(person, &shown, &solved)?;
             study.ground =
                 GroundErrors::of(person, &study.motions, study.parameters(), study.options.plates)?;
             Ok(())
@@ -320,7 +345,7 @@ impl Study {
     pub fn moved(&self, motions: &[usize]) -> Vec<(&'static str, DMatrix<f64>)> {
         let plates = self.ground.moved(&self.motions, motions, &known(&self.table));
         let kinds = KINDS.into_iter().enumerate().map(|(k, name)| (name, self.ground.of_kind(k, &plates)));
-        std::iter::once(("joint centres", self.draws.clone())).chain(kinds).collect()
+        std::iter::once((JOINTS, self.draws.clone())).chain(kinds).collect()
     }
 
     /// Returns the fit of some motions with what joint centres, marker places and errors of plates leave open
@@ -333,6 +358,16 @@ impl Study {
             fit.count_shifts_beside(name, &moved, &known);
         }
         fit
+    }
+
+    /// Returns what errors of plates, 1 σ each, add to the normal equations of all motions, one column each,
+    /// in the same order for all motions of a person.
+    ///
+    /// # Errors
+    /// [`StudyError`] if a motion has no rows.
+    pub(super) fn plates_scores(&self, person: &Person) -> Result<DMatrix<f64>, StudyError> {
+        let errors = GroundErrors::of(person, &self.motions, self.parameters(), self.options.plates)?;
+        Ok(errors.scores(&self.motions))
     }
 
     /// Returns what the table says of the base parameters, whatever scales say.
@@ -383,11 +418,12 @@ impl Study {
         spread: &Spread,
     ) -> Result<(Full, DMatrix<f64>), StudyError> {
         let found = BaseEstimate::of(fit, self.base()).evenly_widened(fit);
-        // A zero and a scale are the same in whatever these plates measure: no segment follows them.
-        let (weighted, others): (Vec<_>, Vec<_>) = self.moved(motions).into_iter().partition(|(name, _)| {
-            // What no bodies explain is not to be taken for errors of joints and plates.
-            self.tells_segments() && !LEVELS.contains(name)
-        });
+        // A zero and a scale are the same in whatever these plates measure: no segment follows them, nor, of
+        // a person whom no bodies explain, any error of joints and plates.
+        let weighs = |name: &str| self.tells_segments() && !LEVELS.contains(&name);
+        let (weighted, others): (Vec<_>, Vec<_>) =
+            self.moved(motions).into_iter().partition(|(name, _)| weighs(name));
+        let (drawn, exact): (Vec<_>, Vec<_>) = weighted.into_iter().partition(|(name, _)| *name == JOINTS);
         let columns = |all: &[(&str, DMatrix<f64>)]| {
             let columns: Vec<_> = all.iter().flat_map(|(_, moved)| moved.column_iter()).collect();
             if columns.is_empty() {
@@ -396,8 +432,12 @@ impl Study {
                 DMatrix::from_columns(&columns)
             }
         };
-        let errors =
-            Errors { moved: columns(&weighted), beside: columns(&others), known: known(&self.table).r() };
+        let errors = Errors {
+            moved: columns(&exact),
+            drawn: columns(&drawn),
+            beside: columns(&others),
+            known: known(&self.table).r(),
+        };
         let known = self.known_of_segments(person, spread)?;
         Ok(beside(&person.subject.model, &found, (&known, &errors), self.options.symmetric)?)
     }
@@ -450,6 +490,23 @@ fn with_mass(table: &Gaussian, [kg, sigma]: [f64; 2]) -> Gaussian {
     let mean = table.mean() + &column * ((kg - table.mean()[0]) / variance);
     let covariance = table.covariance() - &column * column.transpose() / variance;
     Gaussian::new(table.names().to_vec(), mean, covariance).unwrap_or_else(|| table.clone())
+}
+
+/// 1 σ of the parameters of something that is held beforehand, kg, kg m, kg m²: as good as nothing is known of
+/// it.
+const HELD: [f64; 3] = [10.0, 3.0, 1.0];
+
+/// Returns 1 σ of one of the ten parameters of something that is held, beforehand.
+pub(super) fn held_sigma(parameter: usize) -> f64 {
+    HELD[parameter.div_ceil(3).min(2)]
+}
+
+/// Returns the table of a person of whom a link holds something.
+fn with_something(table: &Gaussian, base: &BaseParameters, link: usize) -> Gaussian {
+    let own = DMatrix::from_fn(10, 10, |i, j| if i == j { held_sigma(i) } else { 0.0 });
+    let weighed = base.map().columns(10 * link, 10) * own;
+    let covariance = table.covariance() + &weighed * weighed.transpose();
+    Gaussian::new(table.names().to_vec(), table.mean().clone(), covariance).unwrap_or_else(|| table.clone())
 }
 
 fn table(person: &Person, base: &BaseParameters, spread: &Spread) -> Result<Gaussian, StudyError> {

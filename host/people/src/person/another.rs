@@ -1,5 +1,5 @@
 //! Frames of a trial as another subject would have them, whose joints and markers are where these markers
-//! allow it, too.
+//! allow it, too, and whose skin slides in another way.
 
 use std::ops::Range;
 
@@ -8,6 +8,7 @@ use super::poses::seen;
 use super::track::{Tracked, UsedFrame};
 use crate::inverse_kinematics::markers::Seen;
 use crate::inverse_kinematics::skeleton::Pose;
+use crate::inverse_kinematics::soft::Soft;
 use crate::inverse_kinematics::solve::Solver;
 use crate::inverse_kinematics::subject::Subject;
 use rigident_io::motion_capture::trial::Trial;
@@ -15,9 +16,9 @@ use rigident_rows::moved::Moved;
 
 /// Returns coordinates and rates of some of a trial's frames that rows are made of, by their place among
 /// them, with the poses of another subject, each with its frame; one that this one has no pose of is left
-/// out.
+/// out. With `soft` markers have slid.
 pub fn frames_as(
-    subject: &Subject,
+    (subject, soft): (&Subject, Option<&Soft>),
     trial: &Trial,
     tracked: &Tracked,
     frames: Range<usize>,
@@ -29,7 +30,12 @@ pub fn frames_as(
     let end = trial.frames().min(last.number + smoother.half() + 1);
     let near = |frame: usize| tracked.coordinates.pose(&subject.skeleton, frame);
     let near: Vec<Option<Pose>> = (start..end).map(near).collect();
-    let poses = poses(subject, &seen(trial, subject, start..end).0, &near);
+    let (mut seen, _) = seen(trial, subject, start..end);
+    if let Some(soft) = soft {
+        let posed = seen.iter_mut().zip(&near).filter_map(|(seen, near)| Some((seen, near.as_ref()?)));
+        posed.for_each(|(seen, near)| soft.take_from(subject, near, seen));
+    }
+    let poses = poses(subject, &seen, &near);
     let coordinates = Coordinates::of(&subject.skeleton, &poses);
     let moved = |frame: &UsedFrame| Some((*frame, coordinates.at(smoother, frame.number - start)?));
     own.iter().filter_map(moved).collect()

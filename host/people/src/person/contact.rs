@@ -107,7 +107,11 @@ pub fn contact(rate_hz: f64, soles: &[Option<KeptSoles>], plates: &[GroundWrench
         let height = own.iter().flatten().map(|p| p.z).fold(f64::INFINITY, f64::min);
         for (load, plate) in loads.iter().zip(plates).filter(|(load, _)| load[2] > LOADED_N) {
             let pressed = pressure(load, level(plate, height));
-            let away = own.iter().map(|sole| beyond(sole, &pressed)).fold(f64::INFINITY, f64::min);
+            let mut away = own.iter().map(|sole| beyond(sole, &pressed)).fold(f64::INFINITY, f64::min);
+            // Both feet on one plate press between them.
+            if (0..2).all(|foot| is_low(own, &floor, foot) && carries(plate, &own[foot])) {
+                away = away.min(between(own, &pressed));
+            }
             found.beside_m.push(away as f32);
             if away > BESIDE_M + MOMENT_NM / load[2] {
                 found.dropped[frame] = Some(Dropped::LoadElsewhere);
@@ -204,9 +208,15 @@ fn feet(
             continue;
         }
         if plates.iter().any(|plate| plate.corners_m.is_none()) {
+            let both = (0..2).all(|foot| is_low(soles, floor, foot));
             let carries = |(load, plate): (&[f64; 6], &GroundWrench)| {
                 let pressed = pressure(load, level(plate, points[standing[0]].z));
-                load[2] > LOADED_N && distance(points, &pressed) < BESIDE_M
+                let away = |sole: &[Vector3<f64>; 4]| distance(sole, &pressed);
+                // A load under neither foot, and between them, is that of both.
+                let between = || {
+                    both && soles.iter().all(|own| away(own) > BESIDE_M) && between(soles, &pressed) == 0.0
+                };
+                load[2] > LOADED_N && (away(points) < BESIDE_M || between())
             };
             if !loads.iter().zip(plates).any(carries) {
                 return Some(Dropped::FootOff);
@@ -279,6 +289,32 @@ fn beyond(sole: &[Vector3<f64>; 4], to: &Vector3<f64>) -> f64 {
     distance(sole, to).min(((to - ball).xy() - way * along).norm())
 }
 
+/// Returns whether some point of a sole is so low that it may be on the floor.
+fn is_low(soles: &Soles, floor: &[[f64; 4]; 2], foot: usize) -> bool {
+    (0..4).any(|k| soles[foot][k].z < floor[foot][k] + LOW_M)
+}
+
+/// Returns whether a foot may be on a plate; one without corners may be anywhere.
+fn carries(plate: &GroundWrench, sole: &[Vector3<f64>; 4]) -> bool {
+    plate.corners_m.as_ref().is_none_or(|corners| sole.iter().any(|point| is_inside(corners, point)))
+}
+
+/// Returns the horizontal distance of a point from the area that both feet enclose, from heels to balls, m.
+fn between(soles: &Soles, to: &Vector3<f64>) -> f64 {
+    let ends = |sole: &[Vector3<f64>; 4]| [(sole[0] + sole[1]) / 2.0, (sole[2] + sole[3]) / 2.0];
+    let ([a, b], [c, d]) = (ends(&soles[0]), ends(&soles[1]));
+    let corners = [a, b, d, c].map(|point| [point.x, point.y, 0.0]);
+    if is_inside(&corners, to) {
+        return 0.0;
+    }
+    let apart = |from: &Vector3<f64>, end: &Vector3<f64>| {
+        let (line, away) = ((end - from).xy(), (to - from).xy());
+        let along = (away.dot(&line) / line.norm_squared().max(1e-9)).clamp(0.0, 1.0);
+        (away - line * along).norm()
+    };
+    apart(&a, &c).min(apart(&b, &d))
+}
+
 /// Returns whether a point is above a convex surface, whichever way its corners go round.
 pub(super) fn is_inside(corners: &[[f64; 3]; 4], point: &Vector3<f64>) -> bool {
     let side = |k: usize| {
@@ -337,6 +373,30 @@ mod tests {
         let counts = counts(&dropped);
         assert_eq!((counts[&Dropped::Edge], counts[&Dropped::NoForce]), (12, 100));
         assert_eq!(dropped[0], edge);
+    }
+
+    #[test]
+    fn feet_apart_on_one_plate_press_between_them() {
+        let sole = |y: f64| {
+            let at = |x: f64, y: f64| [x as f32, y as f32, 0.0];
+            [at(-0.06, y + 0.02), at(-0.06, y - 0.02), at(0.12, y + 0.04), at(0.12, y - 0.04)]
+        };
+        let soles = vec![Some([sole(0.2), sole(-0.2)]); 30];
+        let corners = [[0.6, 0.6, 0.0], [-0.6, 0.6, 0.0], [-0.6, -0.6, 0.0], [0.6, -0.6, 0.0]];
+        let plate = GroundWrench {
+            name: String::new(),
+            corners_m: Some(corners),
+            rate_hz: 100.0,
+            first_s: 0.0,
+            mean_s: 0.01,
+            wrench: Vec::new(),
+        };
+        let used = |x: f64| {
+            let load = [0.0, 0.0, 700.0, 0.0, -700.0 * x, 0.0];
+            let found = contact(100.0, &soles, std::slice::from_ref(&plate), &|_| Some(vec![load]));
+            found.dropped.iter().filter(|reason| reason.is_none()).count()
+        };
+        assert_eq!((used(0.03), used(0.4)), (30, 0));
     }
 
     #[test]

@@ -103,6 +103,12 @@ pub enum PersonError {
         /// The most that people weigh, kg.
         most_kg: f64,
     },
+    /// The stature is not known.
+    #[error(
+        "the person is upright in no frame, so that the stature, which the table is scaled by, is not known: \
+         give `height_m`, or `static`, a trial in which she stands"
+    )]
+    NeverUpright,
     /// A marker's name means two.
     #[error("{name}: two markers are called {marker}: which is which is not known; rename one of them")]
     Twice {

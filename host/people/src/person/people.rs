@@ -66,6 +66,8 @@ pub struct PeopleOptions {
     pub plates_zeroed: bool,
     /// The way trials are tracked.
     pub track: TrackOptions,
+    /// The number of trials, the first ones, in which the person holds something.
+    pub holding_first: usize,
 }
 
 /// A person with all her trials.
@@ -102,24 +104,24 @@ impl Person {
         let mut warnings = drifts(trials);
         let (mut notes, unzeroed) = zero(trials, options.plates_zeroed);
         let (subject, fixed) = scaled(trials, standing, options, progress)?;
-        warnings.extend(doubtful_stature(&subject, options.height_m));
+        warnings.extend(doubtful_stature(&subject, options.height_m)?);
         notes.extend(compared_lengths(&options.lengths_m, &subject));
         notes.extend(assumptions(&subject, &fixed, standing.is_some(), options));
-        let (tracked, of_contacts) = track_all(trials, unzeroed, &subject, &options.track, progress)?;
+        let (tracked, of_contacts) = track_all(trials, unzeroed, &subject, options, progress)?;
         warnings.extend(of_contacts);
         let height_sigma =
             HEIGHT_SIGMAS[usize::from(options.height_m.is_none()) * (1 + usize::from(standing.is_none()))];
         let given = options.given.clone();
         let mut person = Self { subject, fixed, height_sigma, given, trials: tracked, notes, warnings };
         person.take_given()?;
-        plausible::belong_together(&person)?;
-        if let Some(share) = plausible::share_of_needed(&person) {
+        plausible::belong_together(&person, options.holding_first)?;
+        if let Some(share) = plausible::share_of_needed(&person, options.holding_first) {
             plausible::can_weigh(&person, share)?;
             if options.mass_kg.is_none() {
                 person.scale_mass(share);
             }
         }
-        for trial in 0..person.trials.len() {
+        for trial in options.holding_first..person.trials.len() {
             person.trials[trial].report.tilt = level::tilt(&person, trial);
         }
         let leans = person.trials.iter().filter(|own| own.report.tilt.is_some_and(|tilt| !tilt.is_a_slope()));
@@ -232,7 +234,7 @@ fn scaled(
     progress("joint centres", 0.0);
     let known = Known {
         height_m: options.height_m,
-        mass_kg: options.mass_kg.or_else(|| weight(trials)).unwrap_or(70.0),
+        mass_kg: options.mass_kg.or_else(|| weight(&trials[options.holding_first..])).unwrap_or(70.0),
         sex: options.sex,
         symmetric: options.symmetric,
         own_markers: options.own_markers.clone(),
@@ -261,7 +263,7 @@ fn assumptions(subject: &Subject, fixed: &[String], stands: bool, options: &Peop
             options.sex.words()
         ));
     }
-    if !stands && subject.stature.upright && options.height_m.is_none() {
+    if !stands && options.height_m.is_none() {
         notes.push(format!(
             "the stature, {:.2} m, comes from a pose in motion: who is bent there is found too small; give \
              `static` or `height_m`",
@@ -280,26 +282,21 @@ fn assumptions(subject: &Subject, fixed: &[String], stands: bool, options: &Peop
     notes
 }
 
-/// Warns of a stature that is not known, or is given and is not that of the markers.
-fn doubtful_stature(subject: &Subject, given_m: Option<f64>) -> Option<String> {
+/// Refuses to guess a stature of who is upright in no frame, and warns of one that is given and is not that of
+/// the markers.
+fn doubtful_stature(subject: &Subject, given_m: Option<f64>) -> Result<Option<String>, PersonError> {
     let found = subject.stature;
     let Some(given_m) = given_m else {
-        return (!found.upright).then(|| {
-            format!(
-                "the person is upright in no frame, so that the stature is not known: {:.2} m is a guess by the \
-                 legs that may be far too small, and the table is scaled by it; give `static` or `height_m`",
-                subject.person.height_m
-            )
-        });
+        return if found.upright { Ok(None) } else { Err(PersonError::NeverUpright) };
     };
     let by = if found.upright { "in an upright frame" } else { "by the length of the legs" };
-    found.contradicts(given_m).then(|| {
+    Ok(found.contradicts(given_m).then(|| {
         format!(
             "the stature is given as {given_m:.2} m, and {by} the markers make somebody {:.2} m tall: trunk, \
              head, hands and feet of the table are scaled by it; check `height_m`",
             found.height_m
         )
-    })
+    }))
 }
 
 /// Tracks every trial, and takes what is not needed any more out of them; with warnings of contacts that no
@@ -308,14 +305,15 @@ fn track_all(
     trials: &mut [Trial],
     unzeroed: Vec<Vec<UnknownZero>>,
     subject: &Subject,
-    options: &TrackOptions,
+    options: &PeopleOptions,
     progress: &(dyn Fn(&str, f64) + Sync),
 ) -> Result<(Vec<Tracked>, Vec<String>), PersonError> {
     let (mut tracked, mut warnings) = (Vec::new(), Vec::new());
     let count = trials.len();
     for (k, (trial, unzeroed)) in trials.iter_mut().zip(unzeroed).enumerate() {
         let step = |share: f64| progress("poses", (k as f64 + share) / count as f64);
-        let mut own = track(trial, subject, options, &step)?;
+        let options = TrackOptions { holds: k < options.holding_first, ..options.track };
+        let mut own = track(trial, subject, &options, &step)?;
         own.unzeroed = unzeroed;
         on_the_model(&own.name, own.report.rms_m, &own.report.by_marker)?;
         warnings.extend(without_contacts(&mut own));

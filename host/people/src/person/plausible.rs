@@ -14,9 +14,9 @@ use super::track::UsedFrame;
 const BODY_MASS_INDICES: [f64; 2] = [10.0, 80.0];
 
 /// Refuses plates that measured another motion than the cameras: what the table's bodies need explains little
-/// of it.
-pub(super) fn belong_together(person: &Person) -> Result<(), PersonError> {
-    for (k, tracked) in person.trials.iter().enumerate() {
+/// of it. Trials before the first one that is looked at move something that the table does not have.
+pub(super) fn belong_together(person: &Person, first: usize) -> Result<(), PersonError> {
+    for (k, tracked) in person.trials.iter().enumerate().skip(first) {
         let pairs = forces(person, k).into_iter().map(|(_, pair)| pair).collect();
         let Some(compared) = Compared::of(pairs) else { continue };
         let name = || tracked.name.clone();
@@ -50,10 +50,10 @@ pub(super) fn can_weigh(person: &Person, share: f64) -> Result<(), PersonError> 
 }
 
 /// Returns how many times the force that the table's bodies need for all motions the plates measured, in the
-/// frames that are used.
-pub(super) fn share_of_needed(person: &Person) -> Option<f64> {
+/// frames that are used, from one trial on.
+pub(super) fn share_of_needed(person: &Person, first: usize) -> Option<f64> {
     let (mut product, mut square) = (0.0, 0.0);
-    for trial in 0..person.trials.len() {
+    for trial in first..person.trials.len() {
         for (_, [needed, measured]) in forces(person, trial) {
             product += needed.z * measured.z;
             square += needed.z * needed.z;

@@ -46,6 +46,9 @@ const CONTACT_HZ: f64 = 25.0;
 /// different frames.
 const UNDER_A_FOOT: f64 = 0.5;
 
+/// Beside a frame with a foot on the floor, where no plate is, other contacts are not sought, s: as far as the
+/// smoothing that they are sought with carries its force.
+const FLOOR_S: f64 = 0.12;
 /// At most this many contacts of a trial are named.
 const NAMED: usize = 3;
 /// Fewest frames on one foot that tell whether plates are exchanged.
@@ -210,6 +213,8 @@ pub struct TrackOptions {
     pub cut_off_hz: Option<f64>,
     /// Delay of the plates against the cameras, s; `None`: from the data.
     pub delay_s: Option<f64>,
+    /// The person holds something that the table does not have: what else pushes her cannot be told from it.
+    pub holds: bool,
 }
 
 /// Tracks a trial, in which nobody was seen before, with a person's model.
@@ -308,9 +313,13 @@ impl Posed<'_> {
         let soles = parallel::each(trial.frames(), |frame| soles(subject, &self.places(frame)?));
         let mut delay_s = options.delay_s.unwrap_or(0.0);
         let mut contact = self.contact(&soles, delay_s);
-        let beside = beside_the_plates(subject, trial, &contact, &|frame| self.centre(frame), &|frame| {
-            Some((self.places(frame)?, sum(&loads(trial, CONTACT_HZ, delay_s, frame)?)))
-        });
+        let about =
+            |frame: usize| Some((self.places(frame)?, sum(&loads(trial, CONTACT_HZ, delay_s, frame)?)));
+        let beside = if options.holds {
+            Beside::default()
+        } else {
+            beside_the_plates(subject, trial, &contact, &|frame| self.centre(frame), &about)
+        };
         beside.leave_out(&mut contact);
         let cut_off_hz = options
             .cut_off_hz
@@ -433,7 +442,14 @@ fn beside_the_plates(
     centre: &(dyn Fn(usize) -> Vector3<f64> + Sync),
     about: &dyn Fn(usize) -> Option<(Vec<Place>, [f64; 6])>,
 ) -> Beside {
-    let is_used = |frame: usize| judged.dropped.get(frame).is_some_and(Option::is_none);
+    // Beside a foot on the floor smoothed motion holds a force that no plate has.
+    let reach = (FLOOR_S * trial.rate_hz).ceil() as usize;
+    let off = |why: &Option<Dropped>| matches!(why, Some(Dropped::FootOff | Dropped::FootHalfOff));
+    let is_used = |frame: usize| {
+        let near = frame.saturating_sub(reach)..judged.dropped.len().min(frame + reach + 1);
+        let near = judged.dropped.get(near).unwrap_or_default();
+        judged.dropped.get(frame).is_some_and(Option::is_none) && !near.iter().any(off)
+    };
     let Some(forces) = Forces::of(subject, trial, &is_used, centre) else { return Beside::default() };
     let Some(level) = forces.level().filter(|_| forces.go_with_the_motion()) else {
         return Beside::default();

@@ -29,7 +29,7 @@ use rigident_people::body_segments::choice::{Way, choices};
 use rigident_people::body_segments::left_out::left_out;
 use rigident_people::body_segments::opensim::in_opensim;
 use rigident_people::body_segments::report::{person_result, worse_than_table};
-use rigident_people::body_segments::tool::tool;
+use rigident_people::body_segments::tool::{Compared, holding};
 use rigident_people::body_segments::{Parts, PlateScale, Study, StudyError, StudyOptions};
 use rigident_people::inverse_kinematics::marker_file::MarkerFile;
 use rigident_people::inverse_kinematics::subject::HumanModel;
@@ -265,7 +265,8 @@ fn identified(
     let mut trials = read_trials(paths, options)?;
     let standing = options.standing.as_deref().map(|path| Trial::read(path, None)).transpose()?;
     let osim = options.osim.as_deref().map(Osim::read).transpose()?;
-    let people = people(options, osim.as_ref())?;
+    let holding_first = if options.tool.is_some() { paths.len() } else { 0 };
+    let people = PeopleOptions { holding_first, ..people(options, osim.as_ref())? };
     let progress = |stage: &str, share: f64| caller.stage(stage, share);
     let person = Person::new(&mut trials, standing.as_ref(), &people, &progress).map_err(StudyError::from)?;
     beside.map_or(Ok(()), |beside| beside.check(&person))?;
@@ -278,15 +279,22 @@ fn identified(
     let study_options = study_options(options);
     let own: Vec<usize> = (0..paths.len()).collect();
     let bare: Vec<usize> = (own.len()..trials.len()).collect();
-    let study_of =
-        |which: &[usize]| Study::new(&person, which, &study_options, &FitOptions::default(), &progress);
-    let mut study = study_of(&own)?;
+    let fit_options = FitOptions::default();
+    // The person is that of the trials in which she holds nothing.
+    let hers = if options.tool.is_some() { &bare } else { &own };
+    let mut study = Study::new(&person, hers, &study_options, &fit_options, &progress)?;
     study.draw(&person, &trials, &progress)?;
     let tool = match &options.tool {
         Some(held) if person.fixed.contains(&held.link) => {
             return Err(BodyError::ToolLink(held.link.clone()).into());
         }
-        Some(held) => Some(tool(&study, &study_of(&bare)?, &held.link, &held.name)?),
+        Some(held) => {
+            let link = Some(holding(&person, &held.link)?);
+            let with = Study::holding(&person, &own, &study_options, &fit_options, &progress, link)?;
+            let both = Compared { person: &person, trials: &trials, with: &with, without: &study };
+            let shown = |share: f64| caller.stage("the tool's uncertainty", share);
+            Some(both.tool(&held.link, &held.name, &shown)?)
+        }
         None => None,
     };
     caller.stage("segments", 0.0);
@@ -336,7 +344,8 @@ fn people(options: &BodyOptions, osim: Option<&Osim>) -> Result<PeopleOptions, E
         own_markers: own_markers(options.markers.as_deref())?,
         given: options.given.clone(),
         plates_zeroed: options.plates_zeroed,
-        track: TrackOptions { cut_off_hz: options.cut_off_hz, delay_s: options.delay_s },
+        track: TrackOptions { cut_off_hz: options.cut_off_hz, delay_s: options.delay_s, holds: false },
+        holding_first: 0,
     })
 }
 
