@@ -148,7 +148,7 @@ fn a_stature_that_is_not_the_markers_is_named_with_both() {
 }
 
 #[test]
-fn a_tool_in_the_hand_is_told_from_the_person() {
+fn a_tool_in_the_hand_is_parted_from_the_person() {
     let held = (5.0, [0.02, 0.0, -0.2], 0.15);
     let folder = tempfile::tempdir().unwrap();
     let works = |t: f64| {

@@ -95,8 +95,8 @@ fn springs_off_their_places_leave_the_body_inside_its_intervals() {
     }
 }
 
-/// Of swings of a millimetre the markers' noise of 0.2 mm has most of what lies above the modes: the motion is
-/// smoothed below that, and the body is neither refused nor too small.
+/// Of swings of a millimetre the markers' noise of 0.2 mm has most of what lies above the modes: the motion
+/// is smoothed below that, and the body is neither refused nor too small.
 #[test]
 #[ignore = "needs numpy in Python"]
 fn swings_of_a_millimetre_leave_the_body_inside_its_intervals() {

@@ -102,8 +102,8 @@ impl Engine<'_> {
         self.source.channels().iter().enumerate().map(of).collect()
     }
 
-    /// Returns the variance of filtered residuals by channels, where noise of the signals has a spectrum of its
-    /// own: of the parameters that residuals are about, those that count nothing included.
+    /// Returns the variance of filtered residuals by channels, where noise of the signals has a spectrum of
+    /// its own: of the parameters that residuals are about, those that count nothing included.
     fn left_by_signals(&self, pass: &Pass, conclusion: &Conclusion) -> Vec<f64> {
         let noise = self.noise.as_ref().filter(|_| pass.weighing.is_compensated());
         let Some(noise) = noise.filter(|_| !self.source.signal_noise_is_white()) else { return Vec::new() };

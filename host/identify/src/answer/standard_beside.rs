@@ -185,8 +185,8 @@ mod tests {
     use rand_chacha::rand_core::SeedableRng;
     use rand_distr::{Distribution, StandardNormal};
 
-    /// Few draws of errors of many directions must not be taken for all of them: the covariance that is stated
-    /// is that of an error which nobody has drawn.
+    /// Few draws of errors of many directions must not be taken for all of them: the covariance that is
+    /// stated is that of an error which nobody has drawn.
     #[test]
     fn the_covariance_counts_directions_that_were_not_drawn() {
         const N: usize = 30;

@@ -65,8 +65,8 @@ pub(super) fn draws(
     Ok(if columns.is_empty() { DMatrix::zeros(about.len(), 0) } else { DMatrix::from_columns(&columns) })
 }
 
-/// Independent numbers, 1 or −1 (SplitMix64: G. Steele, D. Lea, C. Flood, "Fast splittable pseudorandom number
-/// generators", OOPSLA 2014).
+/// Independent numbers, 1 or −1 (SplitMix64: G. Steele, D. Lea, C. Flood, "Fast splittable pseudorandom
+/// number generators", OOPSLA 2014).
 struct Signs(u64);
 
 impl Signs {
@@ -118,8 +118,8 @@ pub(super) fn factor_as(
     Ok((!all.is_empty()).then(|| Factor::merged(&all)))
 }
 
-/// Returns the factors of the windows of a motion's trial, as a drawn person has them, and the `first` rows of
-/// her model.
+/// Returns the factors of the windows of a motion's trial, as a drawn person has them, and the `first` rows
+/// of her model.
 fn windows(
     person: &Person,
     trials: &[Trial],

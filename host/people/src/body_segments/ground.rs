@@ -116,8 +116,8 @@ impl GroundErrors {
         solved.unwrap_or(sum)
     }
 
-    /// Returns `RᵀR X σ` of all motions, one column an error: what it adds to the right-hand side of the normal
-    /// equations.
+    /// Returns `RᵀR X σ` of all motions, one column an error: what it adds to the right-hand side of the
+    /// normal equations.
     pub(super) fn scores(&self, motions: &[Motion]) -> DMatrix<f64> {
         let n = motions.first().map_or(0, |motion| motion.pooled.factor().parameters());
         let mut sum = DMatrix::zeros(n, self.kinds.len());

@@ -2,10 +2,10 @@
 //! its scale.
 //!
 //! Of each trial the rows have columns beside the parameters: of plate p a shift `s × F_p` along x and y, its
-//! scale `F_p, M_p`, its tilt about x and y, and the zero of a plate that was always loaded. A plate that leans
-//! by half a degree has a load 8 mm beside that of a level one. They are estimated together with the parameters
-//! and the table; centres of pressure under the feet are further rows of the shifts. A scale that
-//! all plates share is one with the mass, so plates are compared.
+//! scale `F_p, M_p`, its tilt about x and y, and the zero of a plate that was always loaded. A plate that
+//! leans by half a degree has a load 8 mm beside that of a level one. They are estimated together with the
+//! parameters and the table; centres of pressure under the feet are further rows of the shifts. A scale
+//! that all plates share is one with the mass, so plates are compared.
 
 use std::ops::Range;
 

@@ -492,8 +492,8 @@ fn with_mass(table: &Gaussian, [kg, sigma]: [f64; 2]) -> Gaussian {
     Gaussian::new(table.names().to_vec(), mean, covariance).unwrap_or_else(|| table.clone())
 }
 
-/// 1 σ of the parameters of something that is held beforehand, kg, kg m, kg m²: as good as nothing is known of
-/// it.
+/// 1 σ of the parameters of something that is held beforehand, kg, kg m, kg m²: as good as nothing is known
+/// of it.
 const HELD: [f64; 3] = [10.0, 3.0, 1.0];
 
 /// Returns 1 σ of one of the ten parameters of something that is held, beforehand.

@@ -1,8 +1,9 @@
 //! The tool that a person holds: its own parameters from motions with it and without it.
 //!
 //! With K the weights of the ten parameters of the link that holds it in the base parameters φ, motions with
-//! the tool are rows over `φ + K τ`, those without over φ. Both factors and the table are merged. Joint centres, markers of the hand, whose axes τ is in, skin that slides and errors of plates
-//! are the same in both, and are counted as they move τ.
+//! the tool are rows over `φ + K τ`, those without over φ. Both factors and the table are merged. Joint
+//! centres, markers of the hand, whose axes τ is in, skin that slides and errors of plates are the same in
+//! both, and are counted as they move τ.
 
 use nalgebra::{DMatrix, DVector, Vector4};
 

@@ -2,10 +2,11 @@
 //!
 //! What all markers of a segment do together, a shift and a turn, is the larger part of it, and nothing in
 //! the markers' own distances tells of it (R. Dumas, V. Camomilla, T. Bonci, L. Cheze, A. Cappozzo,
-//! "Generalized mathematical representation of the soft tissue artefact", J. Biomechanics 47 (2), 2014). It is
-//! the same whenever a pose comes back, so that no repetition averages it. The sizes are of the order that
-//! A. Leardini, L. Chiari, U. Della Croce and A. Cappozzo review (Gait & Posture 21 (2), 2005): 10 to 30 mm on
-//! the thigh, less than 15 mm on the shank; a trunk bends along its spine, and shoulders glide with the arms.
+//! "Generalized mathematical representation of the soft tissue artefact", J. Biomechanics 47 (2), 2014). It
+//! is the same whenever a pose comes back, so that no repetition averages it. The sizes are of the order
+//! that A. Leardini, L. Chiari, U. Della Croce and A. Cappozzo review (Gait & Posture 21 (2), 2005): 10 to
+//! 30 mm on the thigh, less than 15 mm on the shank; a trunk bends along its spine, and shoulders glide
+//! with the arms.
 
 use nalgebra::{Matrix3, Vector3};
 use rigident_shared::tree::Joint;

@@ -282,8 +282,8 @@ fn assumptions(subject: &Subject, fixed: &[String], stands: bool, options: &Peop
     notes
 }
 
-/// Refuses to guess a stature of who is upright in no frame, and warns of one that is given and is not that of
-/// the markers.
+/// Refuses to guess a stature of who is upright in no frame, and warns of one that is given and is not that
+/// of the markers.
 fn doubtful_stature(subject: &Subject, given_m: Option<f64>) -> Result<Option<String>, PersonError> {
     let found = subject.stature;
     let Some(given_m) = given_m else {

@@ -46,8 +46,8 @@ const CONTACT_HZ: f64 = 25.0;
 /// different frames.
 const UNDER_A_FOOT: f64 = 0.5;
 
-/// Beside a frame with a foot on the floor, where no plate is, other contacts are not sought, s: as far as the
-/// smoothing that they are sought with carries its force.
+/// Beside a frame with a foot on the floor, where no plate is, other contacts are not sought, s: as far as
+/// the smoothing that they are sought with carries its force.
 const FLOOR_S: f64 = 0.12;
 /// At most this many contacts of a trial are named.
 const NAMED: usize = 3;
@@ -213,7 +213,8 @@ pub struct TrackOptions {
     pub cut_off_hz: Option<f64>,
     /// Delay of the plates against the cameras, s; `None`: from the data.
     pub delay_s: Option<f64>,
-    /// The person holds something that the table does not have: what else pushes her cannot be told from it.
+    /// The person holds something that the table does not have: what else pushes is not distinguished from
+    /// it.
     pub holds: bool,
 }
 

@@ -18,8 +18,8 @@ use rigident_io::rig::classes::{LoadCellClass, rectangular};
 use rigident_io::rig::{ImuTable, RigFile, TreeClass};
 
 const AXES: [&str; 3] = ["x", "y", "z"];
-/// Factor of the second derivative that a low-pass of efforts has, 1 σ, over the square of their delay's: that
-/// of a delay of two standard deviations.
+/// Factor of the second derivative that a low-pass of efforts has, 1 σ, over the square of their delay's:
+/// that of a delay of two standard deviations.
 const FILTERED: f64 = 4.0;
 
 /// An error of a signal: the truth is what is read, moved as said here.

@@ -1,8 +1,8 @@
 //! The frequency that poses are smoothed at.
 //!
-//! One kernel is on both sides of the equation, which is exact at any cut-off; but noise, differentiated twice,
-//! grows as the square of the frequency and makes bodies small. So the cut-off is as low as the motion allows;
-//! and lower, if that leaves noise a small share of the acceleration.
+//! One kernel is on both sides of the equation, which is exact at any cut-off; but noise, differentiated
+//! twice, grows as the square of the frequency and makes bodies small. So the cut-off is as low as the
+//! motion allows; and lower, if that leaves noise a small share of the acceleration.
 
 use rustfft::FftPlanner;
 use rustfft::num_complex::Complex;
@@ -17,8 +17,8 @@ const LEFT_OUT: f64 = 1e-2;
 const ABOVE_NOISE: f64 = 20.0;
 /// The cut-off over the highest frequency that is to pass.
 const ROOM: f64 = 1.2;
-/// Noise has at most this share of the power of acceleration below the cut-off, in the coordinate where it has
-/// least.
+/// Noise has at most this share of the power of acceleration below the cut-off, in the coordinate where it
+/// has least.
 const NOISE_SHARE: f64 = 0.02;
 
 /// The spectrum of a coordinate: powers at multiples of a step.
