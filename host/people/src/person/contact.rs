@@ -15,6 +15,8 @@ pub(super) const LOW_M: f64 = 0.02;
 const SLOW_MPS: f64 = 0.5;
 /// A plate is loaded from this vertical force on, N.
 pub(super) const LOADED_N: f64 = 25.0;
+/// Both feet press a plate with more than this, N: of a light load the centre of pressure is anywhere.
+const BOTH_N: f64 = 150.0;
 /// A centre of pressure is under a foot if it is no further from its sole, m.
 const BESIDE_M: f64 = 0.12;
 /// A plate's moments are off by this, N m: a small load's centre of pressure is known the less.
@@ -109,7 +111,8 @@ pub fn contact(rate_hz: f64, soles: &[Option<KeptSoles>], plates: &[GroundWrench
             let pressed = pressure(load, level(plate, height));
             let mut away = own.iter().map(|sole| beyond(sole, &pressed)).fold(f64::INFINITY, f64::min);
             // Both feet on one plate press between them.
-            if (0..2).all(|foot| is_low(own, &floor, foot) && carries(plate, &own[foot])) {
+            if load[2] > BOTH_N && (0..2).all(|foot| is_flat(own, &floor, foot) && carries(plate, &own[foot]))
+            {
                 away = away.min(between(own, &pressed));
             }
             found.beside_m.push(away as f32);
@@ -208,13 +211,15 @@ fn feet(
             continue;
         }
         if plates.iter().any(|plate| plate.corners_m.is_none()) {
-            let both = (0..2).all(|foot| is_low(soles, floor, foot));
+            let both = (0..2).all(|foot| is_flat(soles, floor, foot));
             let carries = |(load, plate): (&[f64; 6], &GroundWrench)| {
                 let pressed = pressure(load, level(plate, points[standing[0]].z));
                 let away = |sole: &[Vector3<f64>; 4]| distance(sole, &pressed);
                 // A load under neither foot, and between them, is that of both.
                 let between = || {
-                    both && soles.iter().all(|own| away(own) > BESIDE_M) && between(soles, &pressed) == 0.0
+                    both && load[2] > BOTH_N
+                        && soles.iter().all(|own| away(own) > BESIDE_M)
+                        && between(soles, &pressed) == 0.0
                 };
                 load[2] > LOADED_N && (away(points) < BESIDE_M || between())
             };
@@ -289,9 +294,9 @@ fn beyond(sole: &[Vector3<f64>; 4], to: &Vector3<f64>) -> f64 {
     distance(sole, to).min(((to - ball).xy() - way * along).norm())
 }
 
-/// Returns whether some point of a sole is so low that it may be on the floor.
-fn is_low(soles: &Soles, floor: &[[f64; 4]; 2], foot: usize) -> bool {
-    (0..4).any(|k| soles[foot][k].z < floor[foot][k] + LOW_M)
+/// Returns whether all of a sole is so low that it may be on the floor.
+fn is_flat(soles: &Soles, floor: &[[f64; 4]; 2], foot: usize) -> bool {
+    (0..4).all(|k| soles[foot][k].z < floor[foot][k] + LOW_M)
 }
 
 /// Returns whether a foot may be on a plate; one without corners may be anywhere.

@@ -49,6 +49,8 @@ const UNDER_A_FOOT: f64 = 0.5;
 /// Beside a frame with a foot on the floor, where no plate is, other contacts are not sought, s: as far as
 /// the smoothing that they are sought with carries its force.
 const FLOOR_S: f64 = 0.12;
+/// A step beside the plates is shorter, s.
+const STEP_S: f64 = 1.0;
 /// At most this many contacts of a trial are named.
 const NAMED: usize = 3;
 /// Fewest frames on one foot that tell whether plates are exchanged.
@@ -443,13 +445,24 @@ fn beside_the_plates(
     centre: &(dyn Fn(usize) -> Vector3<f64> + Sync),
     about: &dyn Fn(usize) -> Option<(Vec<Place>, [f64; 6])>,
 ) -> Beside {
-    // Beside a foot on the floor smoothed motion holds a force that no plate has.
-    let reach = (FLOOR_S * trial.rate_hz).ceil() as usize;
+    // Beside a step on the floor smoothed motion holds a force that no plate has. Feet that hardly load a plate
+    // for long, or until the end, are of somebody who sits.
+    let frames = |seconds: f64| (seconds * trial.rate_hz).ceil() as usize;
+    let reach = frames(FLOOR_S);
     let off = |why: &Option<Dropped>| matches!(why, Some(Dropped::FootOff | Dropped::FootHalfOff));
+    let runs = judged.dropped.chunk_by(|a, b| off(a) == off(b));
+    let used =
+        [judged.dropped.iter().position(Option::is_none), judged.dropped.iter().rposition(Option::is_none)];
+    let mut steps = Vec::with_capacity(judged.dropped.len());
+    for run in runs {
+        let at = Some(steps.len());
+        let is_step = off(&run[0]) && used[0] < at && at < used[1] && run.len() < frames(STEP_S);
+        steps.extend(std::iter::repeat_n(is_step, run.len()));
+    }
     let is_used = |frame: usize| {
-        let near = frame.saturating_sub(reach)..judged.dropped.len().min(frame + reach + 1);
-        let near = judged.dropped.get(near).unwrap_or_default();
-        judged.dropped.get(frame).is_some_and(Option::is_none) && !near.iter().any(off)
+        let near = frame.saturating_sub(reach)..steps.len().min(frame + reach + 1);
+        let near = steps.get(near).unwrap_or_default();
+        judged.dropped.get(frame).is_some_and(Option::is_none) && !near.contains(&true)
     };
     let Some(forces) = Forces::of(subject, trial, &is_used, centre) else { return Beside::default() };
     let Some(level) = forces.level().filter(|_| forces.go_with_the_motion()) else {
