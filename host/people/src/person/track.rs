@@ -445,8 +445,8 @@ fn beside_the_plates(
     centre: &(dyn Fn(usize) -> Vector3<f64> + Sync),
     about: &dyn Fn(usize) -> Option<(Vec<Place>, [f64; 6])>,
 ) -> Beside {
-    // Beside a step on the floor smoothed motion holds a force that no plate has. Feet that hardly load a plate
-    // for long, or until the end, are of somebody who sits.
+    // Beside a step on the floor smoothed motion holds a force that no plate has. Feet that hardly load a
+    // plate for long, or until the end, are of somebody who sits.
     let frames = |seconds: f64| (seconds * trial.rate_hz).ceil() as usize;
     let reach = frames(FLOOR_S);
     let off = |why: &Option<Dropped>| matches!(why, Some(Dropped::FootOff | Dropped::FootHalfOff));
