@@ -96,8 +96,8 @@ impl Weighted {
     }
 }
 
-/// Returns columns beside one another.
-fn joined(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
+/// Returns the columns of two matrices with as many rows beside one another.
+pub fn joined(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
     let mut all = DMatrix::zeros(a.nrows(), a.ncols() + b.ncols());
     all.columns_mut(0, a.ncols()).copy_from(a);
     all.columns_mut(a.ncols(), b.ncols()).copy_from(b);

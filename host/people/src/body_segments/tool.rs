@@ -15,6 +15,7 @@ use crate::person::Person;
 use rigident_fit::pool::PooledFactor;
 use rigident_fit::{COVERAGE_95, Factor, Measured, Solution};
 use rigident_identify::answer::person::ToolResult;
+use rigident_identify::answer::standard_beside::joined;
 use rigident_io::motion_capture::trial::Trial;
 
 /// Markers that show the place and the attitude of a link.
@@ -104,13 +105,6 @@ impl Compared<'_> {
         let moved = both(with, &[without, beforehand], weights).covariance * right;
         Ok(moved.rows(n, 10).into_owned())
     }
-}
-
-fn joined(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
-    let mut all = DMatrix::zeros(a.nrows(), a.ncols() + b.ncols());
-    all.columns_mut(0, a.ncols()).copy_from(a);
-    all.columns_mut(a.ncols(), b.ncols()).copy_from(b);
-    all
 }
 
 /// Returns φ and τ by rows with the tool and others without; of τ next to nothing is known beforehand.
